@@ -1,0 +1,1 @@
+"""Errors, colour, files and progress: what every other package may lean on."""

@@ -1,0 +1,84 @@
+"""The mathematics that model functions use, so that one text runs in NumPy and Dr.Jit.
+
+`Maths` names the functions; `NumpyMaths` is the array version used for tables and
+tests. The Dr.Jit version lives in `burnish.scene`, which may import Dr.Jit.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from burnish.core.types import AnyArray
+
+
+class Vector(NamedTuple):
+    """A direction with components that broadcast; anything with .x .y .z will do."""
+
+    x: Any
+    y: Any
+    z: Any
+
+
+class Maths(Protocol):
+    """The namespace handed to model functions as `xp`."""
+
+    pi: float
+
+    def sqrt(self, x: Any) -> Any: ...
+    def exp(self, x: Any) -> Any: ...
+    def log(self, x: Any) -> Any: ...
+    def sin(self, x: Any) -> Any: ...
+    def cos(self, x: Any) -> Any: ...
+    def tan(self, x: Any) -> Any: ...
+    def acos(self, x: Any) -> Any: ...
+    def atan(self, x: Any) -> Any: ...
+    def atan2(self, y: Any, x: Any) -> Any: ...
+    def power(self, x: Any, y: Any) -> Any: ...
+    def abs(self, x: Any) -> Any: ...
+    def minimum(self, x: Any, y: Any) -> Any: ...
+    def maximum(self, x: Any, y: Any) -> Any: ...
+    def select(self, condition: Any, x: Any, y: Any) -> Any: ...
+    def lookup(self, table: AnyArray, x: Any) -> Any:
+        """Linear interpolation of a 1D table whose samples lie at x = 0 … 1, ends included."""
+        ...
+
+
+class NumpyMaths:
+    """`Maths` over NumPy arrays and floats."""
+
+    pi = float(np.pi)
+    sqrt = staticmethod(np.sqrt)
+    exp = staticmethod(np.exp)
+    log = staticmethod(np.log)
+    sin = staticmethod(np.sin)
+    cos = staticmethod(np.cos)
+    tan = staticmethod(np.tan)
+    acos = staticmethod(np.arccos)
+    atan = staticmethod(np.arctan)
+    atan2 = staticmethod(np.arctan2)
+    power = staticmethod(np.power)
+    abs = staticmethod(np.abs)
+    minimum = staticmethod(np.minimum)
+    maximum = staticmethod(np.maximum)
+    select = staticmethod(np.where)
+
+    @staticmethod
+    def lookup(table: AnyArray, x: Any) -> Any:
+        return np.interp(x, np.linspace(0.0, 1.0, len(table)), table)
+
+
+numpy_maths = NumpyMaths()
+
+
+def half_vector(xp: Maths, wi: Any, wo: Any) -> Vector:
+    """The unit vector between two unit directions."""
+    x, y, z = wi.x + wo.x, wi.y + wo.y, wi.z + wo.z
+    length = xp.sqrt(xp.maximum(x * x + y * y + z * z, 1e-20))
+    return Vector(x / length, y / length, z / length)
+
+
+def dot(a: Any, b: Any) -> Any:
+    """Inner product of two directions."""
+    return a.x * b.x + a.y * b.y + a.z * b.z

@@ -1,0 +1,238 @@
+"""The polynomial's variables, columns and tails: the one place that orders coefficients.
+
+B(pixel) = E + Σ_rows Σ_c Σ_z s_c(row) · coefficient_c · tail_z · T[row, c, z]
+
+- *columns* c: the coefficients of the object that a path meets first (2008, eq. 26's c_j),
+  layer by layer, each layer's terms k-major (k · bins + j), a delta column last;
+- *tails* z: everything after the first encounter, a product of equivalent albedos d^z
+  (z a multiset of variables), times one coarse coefficient ĉ_w of the second encounter
+  when the series asks for it (2008, eq. 29).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue
+from burnish.core.types import Float64, Int32
+from burnish.materials.coefficients import (
+    albedo,
+    coarse_coefficients,
+    coefficients,
+    conserved,
+    outgoing,
+)
+from burnish.materials.layer import Layer, Material, MaterialState
+from burnish.transport.monomials import Monomials
+
+State = Mapping[str, MaterialState]
+"""Object id to the state of its material."""
+
+
+@dataclass(frozen=True)
+class EditableObject:
+    """An object whose material is symbolic."""
+
+    id: str
+    material: Material
+
+
+@dataclass(frozen=True)
+class ColumnSlice:
+    """A run of columns that shares one outgoing factor."""
+
+    layer: int
+    start: int
+    stop: int
+    delta: bool
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What is symbolic in a bake, and in which order its coefficients stand.
+
+    series: bins per bounce from the eye, such as (64, 1, 1, 1), (128, 8, 1), (64, 16). Its
+      length is the number of bounces. The first number is a default: layers carry their own
+      number of bins. A second number above 1 asks for that many coarse bins per layer at
+      the second encounter. Numbers after that are 1.
+    indirect_bins: coarse bins per layer of a first encounter that comes after rough fixed
+      vertices.
+    """
+
+    objects: tuple[EditableObject, ...]
+    series: tuple[int, ...]
+    indirect_bins: int = 8
+
+    def __post_init__(self) -> None:
+        s = self.series
+        if not s or any(n < 1 for n in s) or any(a < b for a, b in zip(s, s[1:], strict=False)):
+            raise InvalidValue(
+                f"series must be one to eight falling numbers >= 1, like 64,1,1,1; got {s}"
+            )
+        if any(n > 1 for n in s[2:]):
+            raise InvalidValue(
+                f"series may have more than one bin at its first two places only; got {s}: "
+                "write 1 from the third on"
+            )
+
+    @property
+    def bounces(self) -> int:
+        return len(self.series)
+
+    @property
+    def coarse_bins(self) -> int:
+        """Bins per layer at the second encounter; 1 means equivalent albedo."""
+        return self.series[1] if len(self.series) > 1 else 1
+
+    @cached_property
+    def variables(self) -> tuple[tuple[int, str], ...]:
+        """(object index, layer group) of each variable of the polynomial."""
+        return tuple(
+            (i, group)
+            for i, item in enumerate(self.objects)
+            for group in item.material.groups
+        )
+
+    @cached_property
+    def monomials(self) -> Monomials:
+        """Products of equivalent albedos met after the first (or second, coarse) encounter."""
+        used = 1 if self.coarse_bins == 1 else 2
+        return Monomials(len(self.variables), max(self.bounces - used, 0))
+
+    @cached_property
+    def coarse(self) -> tuple[tuple[int, int, int], ...]:
+        """(object, layer, first tail's coarse offset) … flattened: one entry per coarse column.
+
+        Each entry is (object index, layer index, coarse bin); empty for series (J, 1, …).
+        """
+        if self.coarse_bins == 1:
+            return ()
+        return tuple(
+            (i, k, w)
+            for i, item in enumerate(self.objects)
+            for k, layer in enumerate(item.material.layers)
+            for w in range(coarse_count(layer, self.coarse_bins))
+        )
+
+    @property
+    def tails(self) -> int:
+        """Number of tails. Without coarse columns tail z is monomial z; with them tail 0 is
+        "no second encounter" and tail 1 + w · len(monomials) + z is coarse column w followed
+        by monomial z."""
+        if not self.coarse:
+            return len(self.monomials)
+        return 1 + len(self.coarse) * len(self.monomials)
+
+    def slices(self, index: int) -> tuple[ColumnSlice, ...]:
+        """Columns of one object's fine rows, in runs that share an outgoing factor."""
+        result, start = [], 0
+        for k, layer in enumerate(self.objects[index].material.layers):
+            stop = start + layer.model.rank * layer.bins
+            result.append(ColumnSlice(k, start, stop, delta=False))
+            start = stop
+            if layer.delta:
+                result.append(ColumnSlice(k, start, start + 1, delta=True))
+                start += 1
+        return tuple(result)
+
+    def indirect_slices(self, index: int) -> tuple[ColumnSlice, ...]:
+        """Columns of one object's indirect rows: coarse bins per layer, no outgoing factor."""
+        result, start = [], 0
+        for k, layer in enumerate(self.objects[index].material.layers):
+            stop = start + coarse_count(layer, self.indirect_bins)
+            result.append(ColumnSlice(k, start, stop, delta=False))
+            start = stop
+        return tuple(result)
+
+    def columns(self, index: int, indirect: bool = False) -> int:
+        """Number of columns of one object's rows."""
+        return (self.indirect_slices if indirect else self.slices)(index)[-1].stop
+
+    def index(self, object_id: str) -> int:
+        """Position of an object. Raises UnknownName."""
+        for i, item in enumerate(self.objects):
+            if item.id == object_id:
+                return i
+        from burnish.core.errors import UnknownName
+
+        raise UnknownName("editable object", object_id, [item.id for item in self.objects])
+
+    # -- from a state to numbers ----------------------------------------------------------
+
+    def column_coefficients(self, index: int, state: State, indirect: bool = False) -> Float64:
+        """Coefficients of one object's columns: float64 [columns, 3], linear RGB."""
+        item = self.objects[index]
+        settled = conserved(item.material, state[item.id])
+        parts = [
+            coarse_coefficients(layer, settled.layers[layer.name], coarse_count(layer, self.indirect_bins))
+            if indirect
+            else coefficients(layer, settled.layers[layer.name])
+            for layer in item.material.layers
+        ]
+        return np.concatenate(parts)
+
+    def outgoing_factors(
+        self, index: int, state: State, cos_theta_o: Float64
+    ) -> list[Float64 | None]:
+        """s(θo) of each slice of an object's fine rows: [rows, 3 or 1], or None for 1."""
+        item = self.objects[index]
+        settled = conserved(item.material, state[item.id])
+        return [
+            outgoing(
+                item.material.layers[part.layer],
+                settled.layers[item.material.layers[part.layer].name],
+                cos_theta_o,
+                part.delta,
+            )
+            for part in self.slices(index)
+        ]
+
+    def albedos(self, state: State) -> Float64:
+        """Equivalent albedo d of each variable: float64 [variables, 3] (2008, eq. 36–37)."""
+        result = np.zeros((len(self.variables), 3))
+        for v, (i, group) in enumerate(self.variables):
+            item = self.objects[i]
+            settled = conserved(item.material, state[item.id])
+            for layer in item.material.layers:
+                if layer.group == group:
+                    result[v] += albedo(layer, settled.layers[layer.name])
+        return result
+
+    def coarse_values(self, state: State) -> Float64:
+        """ĉ_w of each coarse column: float64 [coarse, 3]."""
+        parts = []
+        for item in self.objects:
+            settled = conserved(item.material, state[item.id])
+            for layer in item.material.layers:
+                count = coarse_count(layer, self.coarse_bins)
+                parts.append(coarse_coefficients(layer, settled.layers[layer.name], count))
+        return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+    def tail_values(self, state: State) -> Float64:
+        """The factor of every tail: float64 [tails, 3]."""
+        powers = self.monomials.evaluate(self.albedos(state))
+        if not self.coarse:
+            return powers
+        products = self.coarse_values(state)[:, None, :] * powers[None]
+        return np.concatenate([np.ones((1, 3)), products.reshape(-1, 3)])
+
+
+def coarse_count(layer: Layer, bins: int) -> int:
+    """Coarse bins of a layer: no more than the fine ones, one without a coordinate."""
+    return min(layer.bins, bins)
+
+
+def initial_state(objects: Sequence[EditableObject]) -> dict[str, MaterialState]:
+    """The state in which the scene was loaded."""
+    return {item.id: item.material.initial for item in objects}
+
+
+def coarse_bin_of(layer: Layer, bins: int) -> Int32:
+    """Which coarse bin each fine bin belongs to: int32 [layer.bins]; the same map that
+    `coarse_coefficients` and the path tracer use."""
+    count = coarse_count(layer, bins)
+    return (np.arange(layer.bins) * count // layer.bins).astype(np.int32)
