@@ -1,0 +1,231 @@
+"""Set up burnish in a fresh clone: virtual environment, package, LLVM.
+
+Standard library only, because it runs before anything is installed. `make` calls it and
+leaves a stamp, so that it runs again only when this file or pyproject.toml has changed.
+Where something must come from the system's package manager it is installed when we are
+root on Debian or Ubuntu; otherwise the command to type is printed and nothing else happens.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import glob
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+VENV = HERE / ".venv"
+MINIMUM_PYTHON = (3, 11)
+MINIMUM_LLVM = 16
+"""Dr.Jit's kernels kill the process inside older LLVM releases ("Cannot select: fminimum")."""
+
+LLVM_PATTERNS = (
+    "/usr/lib/*-linux-gnu/libLLVM*.so*",
+    "/usr/lib/llvm-*/lib/libLLVM*.so*",
+    "/usr/lib64/libLLVM*.so*",
+    "/usr/lib64/llvm*/lib*/libLLVM*.so*",
+    "/usr/lib/libLLVM*.so*",
+    "/usr/local/lib/libLLVM*.so*",
+    "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
+    "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
+)
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+def say(message: str) -> None:
+    """Report a step."""
+    print(f"set-up: {message}", flush=True)
+
+
+def stop(message: str) -> None:
+    """End the set-up with a message for the user."""
+    print(f"\nset-up stopped: {message}\n", file=sys.stderr)
+    sys.exit(2)
+
+
+def run(*command: str | Path, quiet: bool = False) -> None:
+    """Run a command; on failure stop with its name and its last words."""
+    result = subprocess.run(
+        [str(word) for word in command],
+        stdout=subprocess.PIPE if quiet else None,
+        stderr=subprocess.STDOUT if quiet else None,
+        text=True,
+    )
+    if result.returncode:
+        words = "\n".join((result.stdout or "").splitlines()[-15:])
+        stop(f"`{' '.join(str(word) for word in command)}` failed.\n{words}".rstrip())
+
+
+# -- the system's package manager -----------------------------------------------------------
+
+
+def can_apt() -> bool:
+    """Whether packages can be installed here without asking anybody."""
+    return shutil.which("apt-get") is not None and os.geteuid() == 0
+
+
+def apt_install(*packages: str) -> None:
+    """Install Debian packages without questions. Only where `can_apt`."""
+    say(f"installing {' '.join(packages)} with apt")
+    run("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "install", "-y", "-q",
+        "--no-install-recommends", *packages, quiet=True)  # fmt: skip
+
+
+def newest_llvm_package() -> str | None:
+    """The Debian package of the newest LLVM that apt offers, such as libllvm19."""
+    listing = subprocess.run(
+        ["apt-cache", "pkgnames", "libllvm"], capture_output=True, text=True
+    ).stdout
+    versions = [int(n) for n in re.findall(r"^libllvm(\d+)(?:t64)?$", listing, re.MULTILINE)]
+    newest = max(versions, default=0)
+    if newest < MINIMUM_LLVM:
+        return None
+    name = f"libllvm{newest}"
+    return name if name in listing.split() else f"{name}t64"
+
+
+# -- steps --------------------------------------------------------------------------------
+
+
+def check_python() -> None:
+    """Stop when this Python is too old."""
+    if sys.version_info < MINIMUM_PYTHON:
+        stop(
+            f"Python {'.'.join(map(str, MINIMUM_PYTHON))} or newer is needed; this is "
+            f"{sys.version.split()[0]}. Install one and name it: make PYTHON=python3.12 …"
+        )
+
+
+def check_venv_module() -> None:
+    """Debian splits `venv` and `ensurepip` off from Python."""
+    if importlib.util.find_spec("ensurepip") and importlib.util.find_spec("venv"):
+        return
+    package = f"python{sys.version_info.major}.{sys.version_info.minor}-venv"
+    if can_apt():
+        run("apt-get", "update", "-q", quiet=True)
+        apt_install(package)
+        return
+    stop(
+        "this Python cannot make virtual environments. Type one of these, then make again:\n"
+        f"  Debian, Ubuntu:  sudo apt-get install {package}\n"
+        "  Fedora:          sudo dnf install python3-pip\n"
+        "  macOS:           brew install python"
+    )
+
+
+def make_environment() -> None:
+    """Create .venv and install the package into it, editable, with the developers' tools."""
+    python = VENV / "bin" / "python"
+    if not python.exists() or subprocess.run([python, "-m", "pip", "--version"],
+                                             capture_output=True).returncode:  # fmt: skip
+        say("making the virtual environment .venv")
+        shutil.rmtree(VENV, ignore_errors=True)
+        run(sys.executable, "-m", "venv", VENV, quiet=True)
+    say("installing burnish and what it needs (the first time takes a minute or two)")
+    run(python, "-m", "pip", "install", "-q", "--disable-pip-version-check",
+        "-e", f"{HERE}[dev]")  # fmt: skip
+
+
+def llvm_libraries() -> list[str]:
+    """Every LLVM library that can be found, the one that the user names first."""
+    named = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if named:
+        return [named]
+    found = {path for pattern in LLVM_PATTERNS for path in glob.glob(pattern)}
+    system = ctypes.util.find_library("LLVM")
+    return sorted(found) + ([system] if system else [])
+
+
+def llvm_version(library: str) -> int:
+    """Major version of an LLVM library; 0 before 16, the first that can tell."""
+    try:
+        get_version = ctypes.CDLL(library).LLVMGetVersion
+    except (OSError, AttributeError):
+        return 0
+    major, minor, patch = ctypes.c_uint(), ctypes.c_uint(), ctypes.c_uint()
+    get_version(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch))
+    return major.value
+
+
+def has_llvm() -> bool:
+    """Whether a new enough LLVM is installed."""
+    # Each library is asked in a process of its own: two LLVMs in one process can clash.
+    question = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import bootstrap; "
+        "sys.exit(bootstrap.llvm_version(sys.argv[2]) < bootstrap.MINIMUM_LLVM)"
+    )
+    return any(
+        not subprocess.run([sys.executable, "-c", question, HERE, path]).returncode
+        for path in llvm_libraries()
+    )
+
+
+def has_cuda() -> bool:
+    """Whether NVIDIA's driver is installed."""
+    return ctypes.util.find_library("cuda") is not None
+
+
+def ensure_llvm() -> None:
+    """Mitsuba's CPU variants compile with LLVM; a CUDA machine can do without."""
+    if has_llvm():
+        return
+    if can_apt():
+        run("apt-get", "update", "-q", quiet=True)
+        package = newest_llvm_package()
+        if package:
+            apt_install(package)
+            if has_llvm():
+                return
+    remedy = (
+        f"LLVM {MINIMUM_LLVM} or newer is needed to trace rays on the CPU, and none was found.\n"
+        "Type one of these, then make again:\n"
+        "  Debian, Ubuntu:  sudo apt-get update && "
+        "sudo apt-get install $(apt-cache pkgnames libllvm | grep -E '^libllvm[0-9]+(t64)?$' "
+        "| sort -V | tail -n 1)\n"
+        "  Fedora:          sudo dnf install llvm-libs\n"
+        "  macOS:           brew install llvm\n"
+        "Where it lies somewhere unusual, set DRJIT_LIBLLVM_PATH to the library's file"
+        f" (now: {os.environ.get('DRJIT_LIBLLVM_PATH', 'not set')})."
+    )
+    if has_cuda():
+        say(f"going on with CUDA alone. {remedy}")
+        return
+    stop(remedy)
+
+
+def ensure_browser() -> None:
+    """Chromium serves the browser tests alone, so that doing without is no failure."""
+    if any(shutil.which(name) for name in CHROMIUM_NAMES):
+        return
+    if can_apt():
+        say("installing chromium with apt for the browser tests")
+        installed = subprocess.run(
+            "apt-get update -q && DEBIAN_FRONTEND=noninteractive "
+            "apt-get install -y -q --no-install-recommends chromium",
+            shell=True, capture_output=True,
+        )  # fmt: skip
+        if not installed.returncode:
+            return
+    say("no Chromium: the browser tests will be skipped (Debian: sudo apt-get install chromium)")
+
+
+def main() -> None:
+    """Set up everything, or with --browser what the browser tests need."""
+    if "--browser" in sys.argv[1:]:
+        ensure_browser()
+        return
+    check_python()
+    check_venv_module()
+    ensure_llvm()
+    make_environment()
+    say("done")
+
+
+if __name__ == "__main__":
+    main()
