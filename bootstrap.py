@@ -8,9 +8,6 @@ root on Debian or Ubuntu; otherwise the command to type is printed and nothing e
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
-import glob
 import importlib.util
 import os
 import re
@@ -24,17 +21,6 @@ VENV = HERE / ".venv"
 MINIMUM_PYTHON = (3, 11)
 MINIMUM_LLVM = 16
 """Dr.Jit's kernels kill the process inside older LLVM releases ("Cannot select: fminimum")."""
-
-LLVM_PATTERNS = (
-    "/usr/lib/*-linux-gnu/libLLVM*.so*",
-    "/usr/lib/llvm-*/lib/libLLVM*.so*",
-    "/usr/lib64/libLLVM*.so*",
-    "/usr/lib64/llvm*/lib*/libLLVM*.so*",
-    "/usr/lib/libLLVM*.so*",
-    "/usr/local/lib/libLLVM*.so*",
-    "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
-    "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
-)
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
@@ -49,16 +35,11 @@ def stop(message: str) -> None:
     sys.exit(2)
 
 
-def run(*command: str | Path, quiet: bool = False) -> None:
-    """Run a command; on failure stop with its name and its last words."""
-    result = subprocess.run(
-        [str(word) for word in command],
-        stdout=subprocess.PIPE if quiet else None,
-        stderr=subprocess.STDOUT if quiet else None,
-        text=True,
-    )
+def run(*command: str | Path) -> None:
+    """Run a command quietly; on failure stop with its name and its last words."""
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if result.returncode:
-        words = "\n".join((result.stdout or "").splitlines()[-15:])
+        words = "\n".join(result.stdout.splitlines()[-15:])
         stop(f"`{' '.join(str(word) for word in command)}` failed.\n{words}".rstrip())
 
 
@@ -74,7 +55,7 @@ def apt_install(*packages: str) -> None:
     """Install Debian packages without questions. Only where `can_apt`."""
     say(f"installing {' '.join(packages)} with apt")
     run("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "install", "-y", "-q",
-        "--no-install-recommends", *packages, quiet=True)  # fmt: skip
+        "--no-install-recommends", *packages)  # fmt: skip
 
 
 def newest_llvm_package() -> str | None:
@@ -108,7 +89,7 @@ def check_venv_module() -> None:
         return
     package = f"python{sys.version_info.major}.{sys.version_info.minor}-venv"
     if can_apt():
-        run("apt-get", "update", "-q", quiet=True)
+        run("apt-get", "update", "-q")
         apt_install(package)
         return
     stop(
@@ -126,77 +107,45 @@ def make_environment() -> None:
                                              capture_output=True).returncode:  # fmt: skip
         say("making the virtual environment .venv")
         shutil.rmtree(VENV, ignore_errors=True)
-        run(sys.executable, "-m", "venv", VENV, quiet=True)
+        run(sys.executable, "-m", "venv", VENV)
     say("installing burnish and what it needs (the first time takes a minute or two)")
     run(python, "-m", "pip", "install", "-q", "--disable-pip-version-check",
         "-e", f"{HERE}[dev]")  # fmt: skip
 
 
-def llvm_libraries() -> list[str]:
-    """Every LLVM library that can be found, the one that the user names first."""
-    named = os.environ.get("DRJIT_LIBLLVM_PATH")
-    if named:
-        return [named]
-    found = {path for pattern in LLVM_PATTERNS for path in glob.glob(pattern)}
-    system = ctypes.util.find_library("LLVM")
-    return sorted(found) + ([system] if system else [])
-
-
-def llvm_version(library: str) -> int:
-    """Major version of an LLVM library; 0 before 16, the first that can tell."""
-    try:
-        get_version = ctypes.CDLL(library).LLVMGetVersion
-    except (OSError, AttributeError):
-        return 0
-    major, minor, patch = ctypes.c_uint(), ctypes.c_uint(), ctypes.c_uint()
-    get_version(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch))
-    return major.value
-
-
-def has_llvm() -> bool:
-    """Whether a new enough LLVM is installed."""
-    # Each library is asked in a process of its own: two LLVMs in one process can clash.
+def device_problem() -> str:
+    """Why the installed package finds no device to trace rays on; empty when it does."""
     question = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import bootstrap; "
-        "sys.exit(bootstrap.llvm_version(sys.argv[2]) < bootstrap.MINIMUM_LLVM)"
+        "from burnish.core.errors import DeviceError\n"
+        "from burnish.scene.device import find_llvm, gpu_usable\n"
+        "try:\n    gpu_usable() or find_llvm()\n"
+        "except DeviceError as error:\n    print(error)\n"
     )
-    return any(
-        not subprocess.run([sys.executable, "-c", question, HERE, path]).returncode
-        for path in llvm_libraries()
+    answer = subprocess.run(
+        [VENV / "bin" / "python", "-c", question], stdout=subprocess.PIPE, text=True, check=True
     )
+    return answer.stdout.strip()
 
 
-def has_cuda() -> bool:
-    """Whether NVIDIA's driver is installed."""
-    return ctypes.util.find_library("cuda") is not None
-
-
-def ensure_llvm() -> None:
-    """Mitsuba's CPU variants compile with LLVM; a CUDA machine can do without."""
-    if has_llvm():
+def ensure_device() -> None:
+    """Mitsuba compiles for the CPU with LLVM; a machine with CUDA can do without."""
+    if not device_problem():
         return
     if can_apt():
-        run("apt-get", "update", "-q", quiet=True)
+        run("apt-get", "update", "-q")
         package = newest_llvm_package()
         if package:
             apt_install(package)
-            if has_llvm():
-                return
-    remedy = (
-        f"LLVM {MINIMUM_LLVM} or newer is needed to trace rays on the CPU, and none was found.\n"
-        "Type one of these, then make again:\n"
-        "  Debian, Ubuntu:  sudo apt-get update && "
-        "sudo apt-get install $(apt-cache pkgnames libllvm | grep -E '^libllvm[0-9]+(t64)?$' "
-        "| sort -V | tail -n 1)\n"
-        "  Fedora:          sudo dnf install llvm-libs\n"
-        "  macOS:           brew install llvm\n"
-        "Where it lies somewhere unusual, set DRJIT_LIBLLVM_PATH to the library's file"
-        f" (now: {os.environ.get('DRJIT_LIBLLVM_PATH', 'not set')})."
-    )
-    if has_cuda():
-        say(f"going on with CUDA alone. {remedy}")
-        return
-    stop(remedy)
+    problem = device_problem()
+    if problem:
+        stop(
+            f"{problem}\nType one of these, then make again:\n"
+            "  Debian, Ubuntu:  sudo apt-get update && sudo apt-get install $(apt-cache pkgnames "
+            "libllvm | grep -E '^libllvm[0-9]+(t64)?$' | sort -V | tail -n 1)\n"
+            "  Fedora:          sudo dnf install llvm-libs\n"
+            "  macOS:           brew install llvm\n"
+            "Where it lies somewhere unusual, set DRJIT_LIBLLVM_PATH to the library's file."
+        )
 
 
 def ensure_browser() -> None:
@@ -222,8 +171,8 @@ def main() -> None:
         return
     check_python()
     check_venv_module()
-    ensure_llvm()
     make_environment()
+    ensure_device()
     say("done")
 
 

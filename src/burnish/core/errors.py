@@ -38,6 +38,10 @@ class MissingFile(BurnishError, FileNotFoundError):
     """A file or folder that should exist does not."""
 
 
+class CannotWrite(BurnishError, OSError):
+    """A picture or bundle cannot be written: no space, no permission, a taken name."""
+
+
 class SceneError(BurnishError, ValueError):
     """A scene file is malformed or lacks what a render needs."""
 

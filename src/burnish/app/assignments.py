@@ -1,0 +1,76 @@
+"""What people type for a value: `OBJECT.LAYER.PARAMETER=VALUE`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from burnish.core.colour import colour_from_hex
+from burnish.core.errors import InvalidValue
+from burnish.core.types import Value
+
+
+def parse_assignment(text: str) -> tuple[str, Value]:
+    """Path and value of one `--set`. Raises InvalidValue.
+
+    A value is a number (0.3), three numbers in linear RGB (0.8,0.1,0.1), an sRGB colour
+    (#c83c28) or a word (a choice). What the parameter takes is checked where it is known.
+    """
+    path, equals, written = text.partition("=")
+    path, written = path.strip(), written.strip()
+    if not (equals and path and written):
+        raise InvalidValue(
+            f"--set takes OBJECT.LAYER.PARAMETER=VALUE, like teapot.specular.roughness=0.2; "
+            f"got {text!r}"
+        )
+    return path, parse_value(written)
+
+
+def parse_value(text: str) -> Value:
+    """A number, a colour or a word. Raises InvalidValue for a broken colour."""
+    if text.startswith("#"):
+        return colour_from_hex(text)
+    numbers = [_number(part) for part in text.split(",")]
+    if len(numbers) == 1:
+        return text if numbers[0] is None else numbers[0]
+    red, green, blue = (*numbers, None, None)[:3]
+    if len(numbers) != 3 or red is None or green is None or blue is None:
+        raise InvalidValue(
+            f"a colour is three numbers in linear RGB, like 0.8,0.1,0.1, or #rrggbb; got {text!r}"
+        )
+    return red, green, blue
+
+
+def parse_bins(text: str | None) -> dict[str, int]:
+    """Numbers of bins by object or layer: "A=256,B.specular=16". Raises InvalidValue."""
+    result: dict[str, int] = {}
+    for part in split_list(text):
+        name, equals, count = part.partition("=")
+        if not (equals and name.strip() and count.strip().isdecimal()):
+            raise InvalidValue(f"--bins takes OBJECT=NUMBER,…, like teapot=256,tray=16; got {part!r}")
+        result[name.strip()] = int(count)
+    return result
+
+
+def parse_series(text: str) -> tuple[int, ...]:
+    """Bins per bounce: "64,1,1,1". Raises InvalidValue."""
+    parts = split_list(text)
+    if not parts or not all(part.isdecimal() for part in parts):
+        raise InvalidValue(f"--series takes whole numbers, like 64,1,1,1; got {text!r}")
+    return tuple(int(part) for part in parts)
+
+
+def split_list(text: str | None) -> list[str]:
+    """The parts of a comma-separated list, blanks left out."""
+    return [part.strip() for part in (text or "").split(",") if part.strip()]
+
+
+def parse_assignments(texts: Iterable[str]) -> list[tuple[str, Value]]:
+    """Every `--set` of a command line, in order."""
+    return [parse_assignment(text) for text in texts]
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
