@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from burnish.core.errors import InvalidValue
+from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Float64, Value
 from burnish.materials.curve import Curve
-from burnish.materials.model import Model
+from burnish.materials.model import Model, Values
+from burnish.materials.parameter import Parameter
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,45 @@ class Layer:
     def edges(self) -> Float64:
         """Bin edges in t: float64 [bins + 1], from 0 to 1."""
         return np.linspace(0.0, 1.0, self.bins + 1) ** self.spacing
+
+    @staticmethod
+    def starting_at(
+        name: str,
+        model: Model,
+        values: Values,
+        *,
+        bins: int = 64,
+        spacing: float = 2.0,
+        delta: bool = False,
+        group: str = "",
+    ) -> Layer:
+        """A layer whose frozen numbers make it exact at `values`.
+
+        A model without a coordinate gets one bin.
+        """
+        if model.coordinate_name == "none":
+            bins, spacing = 1, 1.0
+        return Layer(name, model, bins, spacing, model.freeze(values), delta, group)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The model's parameters with the ranges that this layer can show.
+
+        Without a delta column a roughness cannot fall to perfectly smooth.
+        """
+        if self.delta:
+            return self.model.parameters
+        return tuple(
+            replace(item, minimum=item.rough_minimum) if item.rough_minimum is not None else item
+            for item in self.model.parameters
+        )
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name. Raises UnknownName."""
+        for item in self.parameters:
+            if item.name == name:
+                return item
+        raise UnknownName("parameter", f"{self.name}.{name}", [p.name for p in self.parameters])
 
     @property
     def columns(self) -> int:
@@ -80,19 +120,48 @@ class MaterialState:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A parameter that always has the value of another layer's: a coat's base knows its ior."""
+
+    layer: str
+    parameter: str
+    source_layer: str
+    source_parameter: str
+
+
+@dataclass(frozen=True)
 class Material:
-    """A sum of layers, and the state that the scene gave it."""
+    """A sum of layers, and the state that the scene gave it.
+
+    links: parameters that are no knobs of their own. States leave them out; `linked` puts
+      them in.
+    """
 
     layers: tuple[Layer, ...]
     initial: MaterialState
+    links: tuple[Link, ...] = ()
+
+    def parameters(self, layer_name: str) -> tuple[Parameter, ...]:
+        """The knobs of a layer: its parameters without the linked ones. Raises UnknownName."""
+        taken = {link.parameter for link in self.links if link.layer == layer_name}
+        return tuple(p for p in self.layer(layer_name).parameters if p.name not in taken)
+
+    def linked(self, state: MaterialState) -> MaterialState:
+        """`state` with the value of every linked parameter filled in."""
+        if not self.links:
+            return state
+        layers = dict(state.layers)
+        for link in self.links:
+            value = state.layers[link.source_layer].values[link.source_parameter]
+            layer = layers[link.layer]
+            layers[link.layer] = replace(layer, values={**layer.values, link.parameter: value})
+        return replace(state, layers=layers)
 
     def layer(self, name: str) -> Layer:
         """The layer of that name. Raises UnknownName."""
         for layer in self.layers:
             if layer.name == name:
                 return layer
-        from burnish.core.errors import UnknownName
-
         raise UnknownName("layer", name, [layer.name for layer in self.layers])
 
     @property

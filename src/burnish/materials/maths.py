@@ -82,3 +82,21 @@ def half_vector(xp: Maths, wi: Any, wo: Any) -> Vector:
 def dot(a: Any, b: Any) -> Any:
     """Inner product of two directions."""
     return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def theta_half(xp: Maths, wi: Any, wo: Any) -> Any:
+    """Angle between the half vector and the normal, exact also where its cosine is near 1."""
+    h = half_vector(xp, wi, wo)
+    return xp.atan2(xp.sqrt(h.x * h.x + h.y * h.y), h.z)
+
+
+def log_one_plus(xp: Maths, x: Any) -> Any:
+    """log(1 + x) for x >= 0, to about single precision, relative, also where x is small."""
+    series = x * (1 - x * (1 / 2 - x * (1 / 3 - x * (1 / 4 - x / 5))))
+    return xp.select(x < 0.03, series, xp.log(1 + x))
+
+
+def one_minus_exp(xp: Maths, x: Any) -> Any:
+    """1 − exp(−x) for x >= 0, to about single precision, relative, also where x is small."""
+    series = x * (1 - x * (1 / 2 - x * (1 / 6 - x * (1 / 24 - x / 120))))
+    return xp.select(x < 0.06, series, 1 - xp.exp(-x))

@@ -22,7 +22,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from burnish.core.types import Float64, Value
 from burnish.materials.maths import Maths
@@ -44,11 +46,28 @@ class Model(ABC):
     coordinate_maximum: ClassVar[float] = 1.0
     """γ_max, in radians for angles; γ = γ_max · t."""
     can_be_delta: ClassVar[bool] = False
+    lobe: ClassVar[Literal["cosine", "half"]] = "cosine"
+    """How directions are best drawn: over the cosine, or as half vectors spread over t."""
+    anisotropic: ClassVar[bool] = False
+    """Whether ρ changes when both directions turn about the normal together."""
 
     @property
     def rank(self) -> int:
         """How many quotients the model has; static."""
         return 1
+
+    def freeze(self, values: Values) -> dict[str, float]:
+        """The frozen numbers of a layer that starts at `values`; the form is exact there."""
+        return {item.name: float(item.default) for item in self.fixed_parameters}  # type: ignore[arg-type]
+
+    def half_angle(self, t: Float64, phi: Float64, fixed: Fixed) -> tuple[Float64, Float64]:
+        """θh where the coordinate is t at the half vector's azimuth φ, and dωh / (dt dφ).
+
+        For "half" models only; arrays broadcast. Inverts `coordinate`, whose t must depend
+        on the half vector alone. This default is for θh itself.
+        """
+        theta = t * self.coordinate_maximum + 0.0 * phi
+        return theta, np.sin(theta) * self.coordinate_maximum
 
     @abstractmethod
     def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:

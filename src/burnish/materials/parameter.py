@@ -10,6 +10,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import Value
 
 Kind = Literal["scalar", "colour", "choice"]
+Scale = Literal["linear", "logarithmic", "square"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,9 @@ class Parameter:
     """One knob of a model: its default, hard limits, soft limits and unit.
 
     Colours are linear RGB and the limits hold per channel. The soft limits are what a
-    slider spans; the hard limits are what `validate` enforces.
+    slider spans; the hard limits are what `validate` enforces. `scale` is how a slider's
+    travel maps to the value, so that equal steps look alike: "square" is value = travel².
+    `rough_minimum` is the minimum where a layer has no column for a perfectly smooth lobe.
     """
 
     name: str
@@ -30,6 +33,8 @@ class Parameter:
     kind: Kind = "scalar"
     choices: tuple[str, ...] = ()
     description: str = ""
+    scale: Scale = "linear"
+    rough_minimum: float | None = None
 
     def validate(self, value: object, where: str = "") -> Value:
         """Return `value` in its canonical type. Raises InvalidValue when out of range."""
@@ -42,7 +47,7 @@ class Parameter:
             return str(value)
         try:
             if self.kind == "colour":
-                items = (value,) * 3 if isinstance(value, (int, float)) else tuple(value)  # type: ignore[arg-type,var-annotated]
+                items = (value,) * 3 if isinstance(value, (int, float)) else tuple(value)  # type: ignore[arg-type]
                 numbers = tuple(float(item) for item in items)
             else:
                 numbers = (float(value),)  # type: ignore[arg-type]

@@ -1,0 +1,145 @@
+"""Models by name, and materials as plain JSON values."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, cast
+
+from burnish.core.errors import InvalidValue, UnknownName
+from burnish.core.types import Value
+from burnish.materials.curve import Curve
+from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
+from burnish.materials.model import Model
+from burnish.materials.models.blinn_phong import BlinnPhong
+from burnish.materials.models.lambert import Lambert
+
+MODELS: dict[str, type[Model]] = {
+    model.name: model
+    for model in (
+        Lambert,
+        BlinnPhong,
+    )
+}
+
+Json = dict[str, Any]
+
+
+def model_to_json(model: Model) -> Json:
+    """{"name": …} and the model's static choices."""
+    return {"name": model.name, **dataclasses.asdict(cast(Any, model))}
+
+
+def model_from_json(data: Mapping[str, Any]) -> Model:
+    """The inverse of `model_to_json`. Raises UnknownName, InvalidValue."""
+    choices = {str(key): value for key, value in data.items() if key != "name"}
+    name = str(data.get("name"))
+    if name not in MODELS:
+        raise UnknownName("reflectance model", name, MODELS)
+    try:
+        return MODELS[name](**choices)
+    except TypeError:
+        raise InvalidValue(f"model {name} does not take the choices {choices!r}") from None
+
+
+def layer_to_json(layer: Layer) -> Json:
+    """A layer's structure, frozen numbers included."""
+    return {
+        "name": layer.name,
+        "model": model_to_json(layer.model),
+        "bins": layer.bins,
+        "spacing": layer.spacing,
+        "fixed": dict(layer.fixed),
+        "delta": layer.delta,
+        "group": layer.group,
+    }
+
+
+def layer_from_json(data: Mapping[str, Any]) -> Layer:
+    """The inverse of `layer_to_json`. Raises UnknownName, InvalidValue."""
+    with _complaint("layer", data):
+        return Layer(
+            name=data["name"],
+            model=model_from_json(data["model"]),
+            bins=data["bins"],
+            spacing=data["spacing"],
+            fixed={name: float(value) for name, value in data["fixed"].items()},
+            delta=data["delta"],
+            group=data["group"],
+        )
+
+
+def layer_state_to_json(state: LayerState) -> Json:
+    """What was set on one layer."""
+    values = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in state.values.items()
+    }
+    return {
+        "values": values,
+        "curve": None if state.curve is None else state.curve.to_json(),
+        "enabled": state.enabled,
+        "weight": state.weight,
+    }
+
+
+def layer_state_from_json(data: Mapping[str, Any]) -> LayerState:
+    """The inverse of `layer_state_to_json`. Raises InvalidValue."""
+    with _complaint("layer state", data):
+        values: dict[str, Value] = {
+            name: (float(value[0]), float(value[1]), float(value[2]))
+            if isinstance(value, list)
+            else value
+            for name, value in data["values"].items()
+        }
+        curve = None if data["curve"] is None else Curve.from_json(data["curve"])
+        return LayerState(values, curve, bool(data["enabled"]), float(data["weight"]))
+
+
+def state_to_json(state: MaterialState) -> Json:
+    """What was set on one material."""
+    return {
+        "layers": {name: layer_state_to_json(layer) for name, layer in state.layers.items()},
+        "conserve": state.conserve,
+    }
+
+
+def state_from_json(data: Mapping[str, Any]) -> MaterialState:
+    """The inverse of `state_to_json`. Raises InvalidValue."""
+    with _complaint("material state", data):
+        layers = {name: layer_state_from_json(layer) for name, layer in data["layers"].items()}
+        return MaterialState(layers, bool(data["conserve"]))
+
+
+def material_to_json(material: Material) -> Json:
+    """Layers, links and the initial state."""
+    return {
+        "layers": [layer_to_json(layer) for layer in material.layers],
+        "links": [dataclasses.asdict(link) for link in material.links],
+        "initial": state_to_json(material.initial),
+    }
+
+
+def material_from_json(data: Mapping[str, Any]) -> Material:
+    """The inverse of `material_to_json`. Raises UnknownName, InvalidValue."""
+    with _complaint("material", data):
+        return Material(
+            layers=tuple(layer_from_json(layer) for layer in data["layers"]),
+            initial=state_from_json(data["initial"]),
+            links=tuple(Link(**link) for link in data["links"]),
+        )
+
+
+@contextmanager
+def _complaint(kind: str, data: object) -> Iterator[None]:
+    """Turn a missing or misshapen field into an InvalidValue that shows it."""
+    try:
+        yield
+    except UnknownName:
+        raise
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        raise InvalidValue(
+            f"a {kind} has a field that is missing or of the wrong shape ({error}): "
+            f"{data!r}; the file may come from another version of burnish"
+        ) from None
