@@ -1,0 +1,1 @@
+"""Estimators: a scene and a basis become transport, by symbolic path tracing."""

@@ -1,0 +1,117 @@
+"""Baking: every editable material left symbolic, tile by tile, into a bundle."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue
+from burnish.core.types import Progress
+from burnish.precompute.accumulate import STRATA, Accumulator, Rectangle
+from burnish.precompute.plan import check_memory, tiles_for
+from burnish.precompute.prepass import find_rows
+from burnish.precompute.symbolic import SymbolicMaterials
+from burnish.precompute.tracer import Tracer
+from burnish.scene import Scene
+from burnish.transport.basis import Basis
+from burnish.transport.block import Tile
+from burnish.transport.compression import compress_tile
+from burnish.transport.rows import Rows
+
+PILOT_TILES = 3
+
+
+@dataclass
+class ViewPlan:
+    """One view of a bake: its tracer, rows and tiles."""
+
+    name: str
+    tracer: Tracer
+    rows: Rows
+    tiles: list[Rectangle]
+
+    def tile_rows(self, tile: Rectangle) -> Rows:
+        """The rows inside a tile."""
+        width = self.tracer.view.width
+        x, y = self.rows.pixel % width, self.rows.pixel // width
+        inside = (x >= tile.x) & (x < tile.x + tile.width)
+        inside &= (y >= tile.y) & (y < tile.y + tile.height)
+        return self.rows.select(inside)
+
+
+def plan_views(scene: Scene, basis: Basis, seed: int) -> list[ViewPlan]:
+    """Rows and tiles of every view. Raises TooLarge before anything is traced."""
+    materials = SymbolicMaterials(scene, basis)
+    plans = []
+    for view in scene.views:
+        tracer = Tracer(scene, view, materials)
+        rows = find_rows(tracer, tile_seed(seed, view.name, -1, 0)).rows
+        check_memory(basis, rows, view.width * view.height)
+        tiles = tiles_for(basis, rows, view.width, view.height)
+        plans.append(ViewPlan(view.name, tracer, rows, tiles))
+    return plans
+
+
+def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: float) -> Tile:
+    """Trace one tile to the end and compress it."""
+    rectangle = plan.tiles[number]
+    rows = plan.tile_rows(rectangle)
+    accumulator = Accumulator(plan.tracer, rectangle, rows)
+    for index, samples in enumerate(strata(spp)):
+        accumulator.run(samples, tile_seed(seed, plan.name, number, index))
+    rows, blocks = compress_tile(
+        accumulator.transport(), rows, plan.tracer.basis, plan.tracer.view.width, tolerance
+    )
+    t = accumulator.target
+    return Tile(
+        rectangle.x,
+        rectangle.y,
+        rectangle.width,
+        rectangle.height,
+        rows,
+        blocks,
+        accumulator.image(t.fixed),
+        accumulator.image(t.emission),
+        accumulator.samples,
+        int(np.array(t.lost)[0]),
+    )
+
+
+def strata(spp: int) -> list[int]:
+    """Split a budget into powers of two that are each stratified: at most STRATA, and as
+    few sizes as possible, since each size is a kernel of its own. Rounds up."""
+    if spp < 1:
+        raise InvalidValue(f"spp must be at least 1; got {spp}")
+    size = min(STRATA, 1 << (spp.bit_length() - 1))
+    return [size] * -(-spp // size)
+
+
+def tile_seed(seed: int, view: str, tile: int, stratum: int) -> int:
+    """A 32-bit seed of its own for every stratum of every tile of every view."""
+    words = [seed & 0xFFFFFFFF, *view.encode(), tile & 0xFFFFFFFF, stratum]
+    return int(np.random.SeedSequence(words).generate_state(1)[0])
+
+
+def samples_for(plans: list[ViewPlan], minutes: float, seed: int) -> int:
+    """Samples per pixel that fit in `minutes`, from a timed pilot on a few tiles."""
+    seconds = samples = 0.0
+    for plan in plans:
+        chosen = np.linspace(0, len(plan.tiles) - 1, min(PILOT_TILES, len(plan.tiles)))
+        for number in chosen.astype(int):
+            tile = plan.tiles[number]
+            accumulator = Accumulator(plan.tracer, tile, plan.tile_rows(tile))
+            # The first run compiles; it is not timed
+            accumulator.run(16, seed)
+            start = time.perf_counter()
+            accumulator.run(16, seed + 1)
+            seconds += time.perf_counter() - start
+            samples += 16 * tile.width * tile.height
+    pixels = sum(plan.tracer.view.width * plan.tracer.view.height for plan in plans)
+    spp = int(samples / max(seconds, 1e-9) * minutes * 60 / pixels)
+    return max(1, spp if spp < STRATA else spp // STRATA * STRATA)
+
+
+__all__ = ["Path", "Progress", "plan_views", "samples_for", "strata", "tile_seed", "trace_tile"]

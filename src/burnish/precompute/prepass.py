@@ -1,0 +1,200 @@
+"""Which objects each pixel meets first: the rows of a view, found before a bake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from burnish.core.types import Bool, Int32
+from burnish.precompute.tracer import MIRROR_PDF, Tracer
+from burnish.transport.rows import Rows
+
+SAMPLES = 32
+"""Camera samples per pixel of the prepass. An object that covers less of a pixel than these
+can see is still found when a neighbouring pixel sees it."""
+
+LANES = 1 << 21
+
+
+@dataclass
+class Geometry:
+    """Rows of a view and whether a pixel sees a rough fixed object: bool [pixels]."""
+
+    rows: Rows
+    sees_fixed: Bool
+
+
+def find_rows(tracer: Tracer, seed: int) -> Geometry:
+    """Count first encounters per (pixel, object), then average their geometry."""
+    view = tracer.view
+    pixels, objects = view.width * view.height, len(tracer.basis.objects)
+    counts = dr.zeros(mi.UInt32, max(pixels * objects, 1))
+    fixed_seen = dr.zeros(mi.UInt32, pixels)
+    for pixel, sampler in _passes(tracer, seed):
+        si, symbolic, rough, _ = _first_encounter(tracer, pixel, sampler)
+        met = si.is_valid() & (symbolic >= 0)
+        dr.scatter_add(counts, mi.UInt32(1), pixel * objects + mi.UInt32(symbolic), met)
+        dr.scatter_add(fixed_seen, mi.UInt32(1), pixel, rough)
+        dr.eval(counts, fixed_seen)
+    count = np.array(counts)[: pixels * objects].reshape(view.height, view.width, objects)
+    seen = dilate(count > 0).reshape(pixels, objects)
+    rough = dilate((np.array(fixed_seen) > 0).reshape(view.height, view.width, 1)).reshape(pixels)
+    count = count.reshape(pixels, objects)
+
+    # Fine rows where an object is seen; indirect rows of every object where a fixed one is
+    fine_object, fine_pixel = np.nonzero(seen.T)
+    indirect_pixel = np.nonzero(rough)[0]
+    rows = Rows.empty()
+    parts = []
+    for i in range(objects):
+        own = fine_pixel[fine_object == i]
+        parts.append(_blank(own, i, False))
+        parts.append(_blank(indirect_pixel, i, True))
+    rows = Rows.concatenate(parts)
+    rows.weight[:] = np.where(
+        rows.indirect, 0, count[rows.pixel, rows.object] / SAMPLES
+    ).astype(np.float32)
+    _average_geometry(tracer, seed, rows)
+    return Geometry(rows, rough)
+
+
+def dilate(mask: Bool) -> Bool:
+    """True where a 3 × 3 neighbourhood has a True: bool [height, width, n]."""
+    padded = np.pad(mask, ((1, 1), (1, 1), (0, 0)))
+    height, width = mask.shape[:2]
+    result = np.zeros_like(mask)
+    for dy in range(3):
+        for dx in range(3):
+            result |= padded[dy : dy + height, dx : dx + width]
+    return result
+
+
+def row_table(rows: Rows, pixels: int, objects: int) -> Int32:
+    """Position of each (pixel, object, indirect) in `rows`, -1 for none."""
+    table = np.full((pixels, max(objects, 1), 2), -1, np.int32)
+    table[rows.pixel, rows.object, rows.indirect.astype(np.int32)] = np.arange(len(rows))
+    return table
+
+
+def _passes(tracer: Tracer, seed: int) -> Any:
+    """Lanes of camera samples, a few samples per pixel at a time."""
+    pixels = tracer.view.width * tracer.view.height
+    per_pass = max(1, min(SAMPLES, LANES // pixels))
+    while SAMPLES % per_pass:
+        per_pass -= 1
+    sampler = mi.load_dict({"type": "independent"})
+    for number in range(SAMPLES // per_pass):
+        sampler.seed(seed + 7919 * number, pixels * per_pass)
+        yield dr.arange(mi.UInt32, pixels * per_pass) // per_pass, sampler
+
+
+def _first_encounter(tracer: Tracer, pixel: Any, sampler: Any) -> tuple[Any, Any, Any, Any]:
+    """Follow mirror-like fixed vertices to the first symbolic object.
+
+    Returns (hit, symbolic index or -1, met a rough fixed object, filter-weighted ray).
+    """
+    width = tracer.view.width
+    ray, _ = tracer.camera_ray(mi.Point2u(pixel % width, pixel // width), sampler)
+    scene, bounces = tracer.scene.mi_scene, tracer.basis.bounces
+
+    def body(
+        ray: Any, hit: Any, symbolic: Any, rough: Any, depth: Any, active: Any, sampler: Any
+    ) -> tuple[Any, ...]:
+        si = scene.ray_intersect(ray, mi.RayFlags.All, True, active)
+        valid = active & si.is_valid()
+        _, found = tracer.object_of(si, valid)
+        met = valid & (found >= 0)
+        hit = dr.select(met, si, hit)
+        symbolic = dr.select(met, found, symbolic)
+        plain = valid & ~met
+        bs, weight = si.bsdf(ray).sample(
+            mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), plain
+        )
+        mirror = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta) | (bs.pdf >= MIRROR_PDF)
+        reflects = plain & dr.any(weight != 0)
+        # A lobe is sampled both ways in time: one rough sample marks the pixel
+        rough |= reflects & ~mirror
+        depth += 1
+        ray = si.spawn_ray(si.to_world(bs.wo))
+        return ray, hit, symbolic, rough, depth, reflects & mirror & (depth < bounces), sampler
+
+    _, hit, symbolic, rough, _, _, _ = dr.while_loop(
+        (
+            ray,
+            dr.zeros(mi.SurfaceInteraction3f, dr.width(pixel)),
+            mi.Int32(-1),
+            mi.Bool(False),
+            mi.UInt32(0),
+            dr.full(mi.Bool, True, dr.width(pixel)),
+            sampler,
+        ),
+        lambda *state: state[5],
+        body,
+        label="first encounters",
+    )
+    return hit, symbolic, rough, ray
+
+
+def _blank(pixel: Any, index: int, indirect: bool) -> Rows:
+    count = len(pixel)
+    return Rows(
+        pixel=pixel.astype(np.int32),
+        object=np.full(count, index, np.int32),
+        indirect=np.full(count, indirect, np.bool_),
+        weight=np.zeros(count, np.float32),
+        position=np.zeros((count, 3), np.float32),
+        normal=np.zeros((count, 3), np.float32),
+        uv=np.zeros((count, 2), np.float32),
+        cos_theta_o=np.ones(count, np.float32),
+    )
+
+
+def _average_geometry(tracer: Tracer, seed: int, rows: Rows) -> None:
+    """Fill the means of position, normal, uv and outgoing cosine of the fine rows."""
+    pixels, objects = tracer.view.width * tracer.view.height, len(tracer.basis.objects)
+    table = mi.Int32(row_table(rows, pixels, objects).ravel())
+    sums = dr.zeros(mi.Float, max(len(rows), 1) * 10)
+    for pixel, sampler in _passes(tracer, seed):
+        si, symbolic, _, _ = _first_encounter(tracer, pixel, sampler)
+        met = si.is_valid() & (symbolic >= 0)
+        row = dr.gather(
+            mi.Int32, table, (pixel * objects + mi.UInt32(dr.maximum(symbolic, 0))) * 2, met
+        )
+        met &= row >= 0
+        values = [1.0, *si.p, *si.n, *si.uv, dr.abs(si.wi.z)]
+        for k, value in enumerate(values):
+            dr.scatter_add(sums, mi.Float(value), mi.UInt32(row) * 10 + k, met)
+        dr.eval(sums)
+    total = np.array(sums).reshape(-1, 10)[: len(rows)]
+    known = total[:, 0] > 0
+    mean = total[known, 1:] / total[known, :1]
+    rows.position[known] = mean[:, 0:3]
+    length = np.linalg.norm(mean[:, 3:6], axis=1, keepdims=True)
+    rows.normal[known] = mean[:, 3:6] / np.maximum(length, 1e-12)
+    rows.uv[known] = mean[:, 6:8]
+    rows.cos_theta_o[known] = np.clip(mean[:, 8], 0, 1)
+    _borrow(rows, known, tracer.view.width)
+
+
+def _borrow(rows: Rows, known: Bool, width: int) -> None:
+    """Rows that no prepass sample met take their outgoing cosine from a neighbour's row."""
+    fine = ~rows.indirect
+    for i in np.unique(rows.object):
+        own = fine & (rows.object == i)
+        missing = np.nonzero(own & ~known)[0]
+        source = np.nonzero(own & known)[0]
+        if not len(missing) or not len(source):
+            continue
+        at = {int(p): int(r) for p, r in zip(rows.pixel[source], source, strict=True)}
+        for r in missing:
+            pixel = int(rows.pixel[r])
+            for offset in (-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1):
+                if pixel + offset in at:
+                    near = at[pixel + offset]
+                    for name in ("position", "normal", "uv", "cos_theta_o"):
+                        getattr(rows, name)[r] = getattr(rows, name)[near]
+                    break

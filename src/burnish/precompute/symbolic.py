@@ -1,0 +1,377 @@
+"""Editable materials as device tables, so that what is selected is data, not code.
+
+A kernel meets thousands of objects and layers through gathers: which object is symbolic,
+where its columns start, how many bins a layer has. Only the *models* that occur are part
+of the kernel's code. Selecting another object, or another number of bins, changes arrays
+and never recompiles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from burnish.materials.layer import Layer
+from burnish.materials.model import Model
+from burnish.scene import Scene
+from burnish.scene.maths import drjit_maths
+from burnish.transport.basis import Basis, coarse_count
+
+NONE = 0xFFFFFFFF
+COSINE_SHARE = 0.5
+DELTA_SHARE = 0.25
+
+
+@dataclass
+class Terms:
+    """Where one direction pair falls in the columns of one layer slot.
+
+    column: first column (bin j of quotient 0); stride: columns from one quotient to the
+    next; quotients: [rank] scalars; H: the weight map's colour or None.
+    """
+
+    column: Any
+    stride: Any
+    quotients: list[Any]
+    H: Any
+
+
+
+class SymbolicMaterials:
+    """Tables over (scene object, layer slot) and the functions that read them.
+
+    scene objects that are in `basis` are symbolic; all others are fixed. `layered` lists
+    for every scene object the layers that code must be able to evaluate, symbolic or not.
+    """
+
+    def __init__(self, scene: Scene, basis: Basis, compile_for: list[str] | None = None) -> None:
+        self.scene = scene
+        self.basis = basis
+        objects = scene.objects
+        # Compile for every object that may be selected, so that selecting changes arrays only
+        wanted = set(compile_for or []) | {item.id for item in basis.objects}
+        layered: list[tuple[Layer, ...]] = []
+        position = {item.id: i for i, item in enumerate(basis.objects)}
+        for thing in objects:
+            if thing.id in position:
+                layered.append(basis.objects[position[thing.id]].material.layers)
+            elif thing.id in wanted and thing.material is not None:
+                layered.append(thing.material.layers)
+            else:
+                layered.append(())
+        self.slots = max((len(layers) for layers in layered), default=0)
+        self.models: list[Model] = list(
+            dict.fromkeys(layer.model for layers in layered for layer in layers)
+        )
+        self.slot_models = [
+            sorted({self.models.index(layers[s].model) for layers in layered if len(layers) > s})
+            for s in range(self.slots)
+        ]
+        self.ranks = [
+            max(self.models[m].rank for m in models) for models in self.slot_models
+        ]
+        self.any_delta = any(layer.delta for layers in layered for layer in layers)
+        self.maps = [
+            (o, group, thing.maps[group])
+            for o, thing in enumerate(objects)
+            if layered[o]
+            for group in thing.maps
+        ]
+        self._build(layered, position)
+
+    def _build(self, layered: list[tuple[Layer, ...]], position: dict[str, int]) -> None:
+        basis, objects, S = self.basis, self.scene.objects, max(self.slots, 1)
+        count = len(objects)
+        model = np.full((count, S), NONE, np.uint32)
+        bins = np.ones((count, S), np.uint32)
+        spacing = np.ones((count, S), np.float32)
+        column = np.zeros((count, S), np.uint32)
+        delta_column = np.full((count, S), NONE, np.uint32)
+        indirect_column = np.zeros((count, S), np.uint32)
+        indirect_bins = np.ones((count, S), np.uint32)
+        coarse_first = np.zeros((count, S), np.uint32)
+        coarse_bins = np.ones((count, S), np.uint32)
+        half = np.zeros((count, S), np.float32)
+        variable = np.zeros((count, S), np.uint32)
+        fixed: dict[str, np.ndarray] = {}
+        symbolic = np.full(count, -1, np.int32)
+        layers_of = np.zeros(count, np.uint32)
+        groups_of = np.zeros(count, np.uint32)
+        group_slot = np.zeros((count, S), np.uint32)
+        half_share = np.zeros(count, np.float32)
+        delta_share = np.zeros(count, np.float32)
+        map_of = np.full((count, S), NONE, np.uint32)
+        variables = {key: v for v, key in enumerate(basis.variables)}
+        coarse_start: dict[tuple[int, int], int] = {}
+        for w, (i, k, bin_) in enumerate(basis.coarse):
+            if bin_ == 0:
+                coarse_start[i, k] = w
+        map_index = {(o, group): n for n, (o, group, _) in enumerate(self.maps)}
+        for o, thing in enumerate(objects):
+            layers = layered[o]
+            layers_of[o] = len(layers)
+            groups = list(dict.fromkeys(layer.group for layer in layers))
+            groups_of[o] = len(groups)
+            for g, group in enumerate(groups):
+                group_slot[o, g] = next(s for s, layer in enumerate(layers) if layer.group == group)
+            i = position.get(thing.id, -1)
+            symbolic[o] = i
+            start = indirect = 0
+            for s, layer in enumerate(layers):
+                model[o, s] = self.models.index(layer.model)
+                bins[o, s] = layer.bins
+                spacing[o, s] = layer.spacing
+                column[o, s] = start
+                start += layer.model.rank * layer.bins
+                if layer.delta:
+                    delta_column[o, s] = start
+                    start += 1
+                indirect_column[o, s] = indirect
+                indirect_bins[o, s] = coarse_count(layer, basis.indirect_bins)
+                indirect += int(indirect_bins[o, s])
+                coarse_bins[o, s] = coarse_count(layer, basis.coarse_bins)
+                half[o, s] = layer.model.lobe == "half"
+                map_of[o, s] = map_index.get((o, layer.group), NONE)
+                if i >= 0:
+                    coarse_first[o, s] = coarse_start.get((i, s), 0)
+                    variable[o, s] = variables[i, layer.group]
+                for parameter in layer.model.fixed_parameters:
+                    table = fixed.setdefault(parameter.name, np.zeros((count, S), np.float32))
+                    table[o, s] = layer.fixed.get(parameter.name, parameter.default)
+            if layers:
+                delta_share[o] = DELTA_SHARE if (delta_column[o] != NONE).any() else 0.0
+                glossy = half[o, : len(layers)].any()
+                half_share[o] = (1 - COSINE_SHARE) * (1 - delta_share[o]) if glossy else 0.0
+        # Flat arrays; opaque, so that new numbers need no new kernel
+        self.symbolic = _array(mi.Int32, symbolic)
+        self.layers_of = _array(mi.UInt32, layers_of)
+        self.groups_of = _array(mi.UInt32, groups_of)
+        self.half_share = _array(mi.Float, half_share)
+        self.delta_share = _array(mi.Float, delta_share)
+        self.two_sided = _array(mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32))
+        self._t = {
+            "model": _array(mi.UInt32, model),
+            "bins": _array(mi.UInt32, bins),
+            "column": _array(mi.UInt32, column),
+            "delta_column": _array(mi.UInt32, delta_column),
+            "indirect_column": _array(mi.UInt32, indirect_column),
+            "indirect_bins": _array(mi.UInt32, indirect_bins),
+            "coarse_first": _array(mi.UInt32, coarse_first),
+            "coarse_bins": _array(mi.UInt32, coarse_bins),
+            "variable": _array(mi.UInt32, variable),
+            "map": _array(mi.UInt32, map_of),
+            "group_slot": _array(mi.UInt32, group_slot),
+        }
+        self._spacing = _array(mi.Float, spacing)
+        self._square_spacings = bool(np.isin(spacing, (1.0, 2.0)).all())
+        self._half = _array(mi.Float, half)
+        self._fixed = {name: _array(mi.Float, table) for name, table in fixed.items()}
+
+    # -- look-ups -------------------------------------------------------------------------
+
+    def _entry(self, name: str, obj: Any, slot: Any) -> Any:
+        return dr.gather(mi.UInt32, self._t[name], obj * max(self.slots, 1) + slot)
+
+    def _bins(self, obj: Any, slot: int) -> Any:
+        """Bins of a layer slot, never 0: lanes that left a loop gather zeros, and an integer
+        division by zero ends the process even in a masked lane."""
+        return dr.maximum(self._entry("bins", obj, slot), 1)
+
+    def _warp(self, t: Any, entry: Any) -> Any:
+        """u = t^(1/spacing), uniform over the bins."""
+        t = dr.clip(t, 0, 1)
+        spacing = dr.gather(mi.Float, self._spacing, entry)
+        if self._square_spacings:
+            return dr.select(spacing > 1.5, dr.sqrt(t), t)
+        return dr.power(t, 1 / spacing)
+
+    def _fine_bin(self, t: Any, entry: Any, bins: Any) -> Any:
+        return dr.minimum(mi.UInt32(self._warp(t, entry) * mi.Float(bins)), bins - 1)
+
+    def _evaluate(self, obj: Any, slot: int, wi: Any, wo: Any, active: Any) -> tuple[Any, list[Any]]:
+        """t and the quotients of one layer slot; zero where it has no layer."""
+        entry = obj * max(self.slots, 1) + slot
+        code = dr.gather(mi.UInt32, self._t["model"], entry)
+        t, quotients = mi.Float(0), [mi.Float(0) for _ in range(self.ranks[slot])]
+        for m in self.slot_models[slot]:
+            model = self.models[m]
+            here = active & (code == m)
+            fixed = {
+                parameter.name: dr.gather(mi.Float, self._fixed[parameter.name], entry)
+                for parameter in model.fixed_parameters
+            }
+            t = dr.select(here, model.coordinate(drjit_maths, wi, wo, fixed), t)
+            for k, q in enumerate(model.quotients(drjit_maths, wi, wo, fixed)):
+                quotients[k] = dr.select(here, q, quotients[k])
+        return t, quotients
+
+    def weight_maps(self, si: Any, obj: Any, active: Any) -> list[Any]:
+        """H of each layer slot at a hit: colours, or None where no object has a map there."""
+        if not self.maps:
+            return [None] * self.slots
+        index = [self._entry("map", obj, s) for s in range(self.slots)]
+        result = [mi.Color3f(1) for _ in range(self.slots)]
+        for n, (o, _, weight_map) in enumerate(self.maps):
+            here = active & (obj == o)
+            value = weight_map.evaluate(si, here)
+            for s in range(self.slots):
+                result[s] = dr.select(here & (index[s] == n), value, result[s])
+        return result
+
+    # -- what the tracer asks -------------------------------------------------------------
+
+    def columns(
+        self, obj: Any, wi: Any, wo: Any, H: list[Any], fine: Any, active: Any
+    ) -> list[Terms]:
+        """Columns and quotients that light from `wi` adds to, for a first encounter.
+
+        fine: the lanes that use all bins; the others use the coarse bins of indirect rows,
+        where only the reference quotient counts.
+        """
+        lit = active & (wi.z > 0) & (wo.z > 0)
+        result = []
+        for s in range(self.slots):
+            entry = obj * max(self.slots, 1) + s
+            t, quotients = self._evaluate(obj, s, wi, wo, lit)
+            bins = self._bins(obj, s)
+            j = self._fine_bin(t, entry, bins)
+            coarse = j * self._entry("indirect_bins", obj, s) // bins
+            column = dr.select(
+                fine,
+                self._entry("column", obj, s) + j,
+                self._entry("indirect_column", obj, s) + coarse,
+            )
+            q = [
+                dr.select(lit & (fine if k else True), dr.maximum(value, 0) if k == 0 else value, 0)
+                for k, value in enumerate(quotients)
+            ]
+            result.append(Terms(column, bins, q, H[s]))
+        return result
+
+    def delta_columns(self, obj: Any, H: list[Any], active: Any) -> list[Terms]:
+        """The delta columns of an object, for light from the mirror direction."""
+        result = []
+        for s in range(self.slots):
+            column = self._entry("delta_column", obj, s)
+            exists = active & (column != NONE)
+            q = [dr.select(exists, mi.Float(1), 0)]
+            q += [mi.Float(0)] * (self.ranks[s] - 1)
+            result.append(
+                Terms(dr.select(exists, column, 0), self._entry("bins", obj, s), q, H[s])
+            )
+        return result
+
+    def sample(self, obj: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
+        """A direction for a first encounter: (wi, pdf per steradian, is the delta lobe).
+
+        A mixture of a cosine lobe and a lobe uniform over the bins of the half angle, so
+        that whatever the material becomes has been sampled. For the delta lobe the pdf is
+        the probability of choosing it.
+        """
+        p_delta = dr.gather(mi.Float, self.delta_share, obj)
+        p_half = dr.gather(mi.Float, self.half_share, obj)
+        is_delta = u1 < p_delta
+        is_half = ~is_delta & (u1 < p_delta + p_half)
+        # Uniform over bins that are spaced like θ = (π/2) u²
+        wi_half = reflect(wo, half_vector_of(u2))
+        wi_cosine = mi.warp.square_to_cosine_hemisphere(u2)
+        wi = dr.select(is_delta, mi.Vector3f(-wo.x, -wo.y, wo.z), dr.select(is_half, wi_half, wi_cosine))
+        pdf = dr.select(is_delta, p_delta, self.pdf(obj, wi, wo))
+        return wi, pdf, is_delta
+
+    def pdf(self, obj: Any, wi: Any, wo: Any) -> Any:
+        """Density per steradian of `sample`'s continuous lobes."""
+        p_delta = dr.gather(mi.Float, self.delta_share, obj)
+        p_half = dr.gather(mi.Float, self.half_share, obj)
+        density = p_half * half_lobe_pdf(wi, wo)
+        density += (1 - p_delta - p_half) * dr.maximum(wi.z, 0) * dr.inv_pi
+        return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
+
+    def choose(self, obj: Any, u: Any, layers: Any) -> tuple[Any, Any]:
+        """A layer slot at random, and one over its probability.
+
+        Where `layers` is set, any layer; elsewhere the first layer of a random group, since
+        the layers of a group share a variable. With one group there is no choice.
+        """
+        count = dr.select(
+            layers,
+            dr.gather(mi.UInt32, self.layers_of, obj),
+            dr.gather(mi.UInt32, self.groups_of, obj),
+        )
+        count = dr.maximum(count, 1)
+        chosen = dr.minimum(mi.UInt32(u * mi.Float(count)), count - 1)
+        slot = dr.select(layers, chosen, self._entry("group_slot", obj, chosen))
+        return slot, mi.Float(count)
+
+    def variable(self, obj: Any, slot: Any) -> Any:
+        """The polynomial's variable of a layer slot."""
+        return self._entry("variable", obj, slot)
+
+    def coarse_column(self, obj: Any, slot: Any, wi: Any, wo: Any, active: Any) -> tuple[Any, Any]:
+        """Coarse column of the chosen slot at a second encounter, and its quotient."""
+        lit = active & (wi.z > 0) & (wo.z > 0)
+        column, quotient = mi.UInt32(0), mi.Float(0)
+        for s in range(self.slots):
+            here = lit & (slot == s)
+            entry = obj * max(self.slots, 1) + s
+            t, quotients = self._evaluate(obj, s, wi, wo, here)
+            bins = self._bins(obj, s)
+            w = self._fine_bin(t, entry, bins) * self._entry("coarse_bins", obj, s) // bins
+            column = dr.select(here, self._entry("coarse_first", obj, s) + w, column)
+            quotient = dr.select(here, dr.maximum(quotients[0], 0), quotient)
+        return column, quotient
+
+    def sample_layer(self, obj: Any, slot: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any]:
+        """A direction for one layer: cosine for a broad one, half the bins for a glossy one."""
+        share = self._layer_half_share(obj, slot)
+        wi = dr.select(
+            u1 < share, reflect(wo, half_vector_of(u2)), mi.warp.square_to_cosine_hemisphere(u2)
+        )
+        return wi, self.pdf_layer(obj, slot, wi, wo)
+
+    def pdf_layer(self, obj: Any, slot: Any, wi: Any, wo: Any) -> Any:
+        """Density per steradian of `sample_layer`."""
+        share = self._layer_half_share(obj, slot)
+        density = share * half_lobe_pdf(wi, wo) + (1 - share) * dr.maximum(wi.z, 0) * dr.inv_pi
+        return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
+
+    def _layer_half_share(self, obj: Any, slot: Any) -> Any:
+        entry = obj * max(self.slots, 1) + slot
+        return (1 - COSINE_SHARE) * dr.gather(mi.Float, self._half, entry)
+
+
+def half_vector_of(u: Any) -> Any:
+    """A half vector whose angle is (π/2) u.x², uniform in azimuth."""
+    theta = (dr.pi / 2) * dr.square(u.x)
+    sin_theta, cos_theta = dr.sincos(theta)
+    sin_phi, cos_phi = dr.sincos(2 * dr.pi * u.y)
+    return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
+
+
+def half_lobe_pdf(wi: Any, wo: Any) -> Any:
+    """Density per steradian of wi when its half vector comes from `half_vector_of`.
+
+    p(θh) = du/dθ = 1/(π u); over the ring 2π sin θh; and dωh/dωi = 1/(4 ωo·ωh).
+    """
+    wh = dr.normalize(wi + wo)
+    # sin θh from x and y keeps its digits where the cosine has none
+    sin_theta = dr.sqrt(dr.square(wh.x) + dr.square(wh.y))
+    theta = dr.atan2(sin_theta, wh.z)
+    u = dr.sqrt(theta * (2 / dr.pi))
+    density = 1 / (2 * dr.square(dr.pi) * dr.maximum(u * sin_theta, 1e-12))
+    return density / (4 * dr.maximum(dr.dot(wo, wh), 1e-6))
+
+
+def reflect(wo: Any, wh: Any) -> Any:
+    """wo mirrored at wh."""
+    return 2 * dr.dot(wo, wh) * wh - wo
+
+
+def _array(kind: Any, values: np.ndarray) -> Any:
+    array = kind(np.ascontiguousarray(values).ravel())
+    dr.make_opaque(array)
+    return array

@@ -1,0 +1,333 @@
+"""The symbolic path tracer: paths as usual, contributions to the term that they belong to.
+
+A vertex on a fixed object uses its own BSDF as a number. The first symbolic object that a
+path meets leaves its columns open; later ones multiply the path's *tail* by an equivalent
+albedo (or one coarse bin at the second encounter). Every light sample and every emitter
+hit then adds its value to T[row, column, tail] (2008, section 5.1 and eq. 21-24), combined
+by multiple importance sampling. Because the sampling never looks at an edited BRDF, the
+estimate is unbiased for every later one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from burnish.precompute.film import FilterSampler
+from burnish.precompute.symbolic import NONE, SymbolicMaterials, Terms
+from burnish.scene import Scene, View
+
+MIRROR_PDF = 4.0
+"""A fixed vertex whose sampled lobe has at least this density (per steradian) counts as a
+mirror: what it shows carries all bins. 4 /sr is the peak of a lobe of α ≈ 0.14."""
+
+
+@dataclass
+class Target:
+    """Where a pass adds its samples; all device arrays.
+
+    rows: uint32 [pixels, objects, 2] with the offset of each (pixel, object, indirect) row in
+      `transport`, in units of one RGB value, or NONE. transport: float [values · 3].
+    fixed, emission: float [pixels · 3]. lost: uint32 [1], samples without a row.
+    """
+
+    rows: Any
+    transport: Any
+    fixed: Any
+    emission: Any
+    lost: Any
+
+
+@dataclass
+class Path:
+    """The loop's state; one lane is one path."""
+
+    ray: Any
+    throughput: Any
+    active: Any
+    depth: Any
+    previous: Any
+    previous_pdf: Any
+    previous_delta: Any
+    mirror_chain: Any
+    encounters: Any
+    row: Any
+    terms: list[Terms]
+    coarse: Any
+    monomial: Any
+    pending: Any
+    fixed: Any
+    emission: Any
+
+
+
+class Tracer:
+    """Traces passes of one view of a scene with a given set of symbolic objects."""
+
+    def __init__(self, scene: Scene, view: View, materials: SymbolicMaterials) -> None:
+        self.scene = scene
+        self.view = view
+        self.materials = materials
+        self.basis = materials.basis
+        self.filter = FilterSampler(view.sensor.film().rfilter(), view.width, view.height)
+        self.object_table = mi.UInt32(scene.object_table)
+        monomials = self.basis.monomials
+        next_table = monomials.next.astype("uint32").ravel()
+        self.next_monomial = mi.UInt32(next_table if next_table.size else [0])
+        dr.make_opaque(self.object_table, self.next_monomial)
+        self._bounces = mi.UInt32(self.basis.bounces)
+        self._variables = mi.UInt32(max(monomials.variables, 1))
+        self._tails = mi.UInt32(self.basis.tails)
+        self._monomial_count = mi.UInt32(len(monomials))
+        self._objects = mi.UInt32(max(len(self.basis.objects), 1))
+        dr.make_opaque(
+            self._bounces, self._variables, self._tails, self._monomial_count, self._objects
+        )
+        self.coarse = self.basis.coarse_bins > 1
+
+    # -- camera ---------------------------------------------------------------------------
+
+    def camera_ray(self, pixel: Any, sampler: Any) -> tuple[Any, Any]:
+        """A ray through a pixel's filter and its weight (a colour)."""
+        position, weight = self.filter.sample(pixel, sampler.next_2d())
+        sensor = self.view.sensor
+        film_position = mi.Point2f(position.x / self.view.width, position.y / self.view.height)
+        aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+        time = sensor.shutter_open()
+        if sensor.shutter_open_time() > 0:
+            time = time + sampler.next_1d() * sensor.shutter_open_time()
+        ray, ray_weight = sensor.sample_ray(time, 0.5, film_position, aperture)
+        return ray, ray_weight * weight
+
+    def object_of(self, si: Any, active: Any) -> tuple[Any, Any]:
+        """Scene object index of a hit and its symbolic index (-1: fixed)."""
+        shape = dr.reinterpret_array(mi.UInt32, si.shape)
+        obj = dr.gather(mi.UInt32, self.object_table, shape, active)
+        return obj, dr.gather(mi.Int32, self.materials.symbolic, obj, active)
+
+    # -- one pass -------------------------------------------------------------------------
+
+    def trace(self, target: Target, pixel: Any, local: Any, sampler: Any) -> None:
+        """Trace one path per lane and add its contributions to `target`.
+
+        pixel: film coordinates, Point2u; local: the lane's pixel within the target.
+        """
+        ray, weight = self.camera_ray(pixel, sampler)
+        lanes = dr.width(local)
+        m = self.materials
+        state = Path(
+            ray=mi.Ray3f(ray),
+            throughput=mi.Color3f(weight),
+            active=dr.full(mi.Bool, True, lanes),
+            depth=mi.UInt32(0),
+            previous=dr.zeros(mi.Interaction3f),
+            previous_pdf=mi.Float(1),
+            previous_delta=mi.Bool(True),
+            mirror_chain=mi.Bool(True),
+            encounters=mi.UInt32(0),
+            row=mi.UInt32(NONE),
+            terms=[
+                Terms(
+                    mi.UInt32(0),
+                    mi.UInt32(0),
+                    [mi.Float(0) for _ in range(m.ranks[s])],
+                    mi.Color3f(1) if m.maps else None,
+                )
+                for s in range(m.slots)
+            ],
+            coarse=mi.UInt32(0),
+            monomial=mi.UInt32(0),
+            pending=mi.Color3f(0),
+            fixed=mi.Color3f(0),
+            emission=mi.Color3f(0),
+        )
+
+        def body(path: Path, sampler: Any) -> tuple[Path, Any]:
+            self._vertex(target, path, sampler, local)
+            return path, sampler
+
+        state, sampler = dr.while_loop(
+            (state, sampler), lambda path, sampler: path.active, body, label="symbolic paths"
+        )
+        for buffer, value in ((target.fixed, state.fixed), (target.emission, state.emission)):
+            for channel in range(3):
+                dr.scatter_add(buffer, value[channel], local * 3 + channel)
+
+    def _vertex(self, target: Target, path: Path, sampler: Any, local: Any) -> None:
+        scene, m = self.scene.mi_scene, self.materials
+        ray = path.ray
+        si = scene.ray_intersect(ray, mi.RayFlags.All, path.depth == 0, path.active)
+
+        # Light that the last bounce ran into, weighted against sampling it
+        hit = path.active & (si.emitter(scene) != None)  # noqa: E711 (a device comparison)
+        ds = mi.DirectionSample3f(scene, si, path.previous)
+        light_pdf = scene.pdf_emitter_direction(path.previous, ds, hit & ~path.previous_delta)
+        emitted = si.emitter(scene).eval(si, hit)
+        emitted *= path.throughput * mis(path.previous_pdf, dr.select(path.previous_delta, 0, light_pdf))
+        emitted = dr.select(hit, emitted, 0)
+        seen = path.depth == 0
+        path.emission += dr.select(seen, emitted, 0)
+        met = path.encounters > 0
+        path.fixed += dr.select(~seen & ~met, emitted, 0)
+        tail = path.coarse + path.monomial
+        self._add(target, path.row, path.terms, tail, path.pending + emitted, path.active & met)
+        path.pending = mi.Color3f(0)
+
+        # Where the path goes on
+        active = path.active & si.is_valid() & (path.depth < self._bounces)
+        obj, symbolic = self.object_of(si, active)
+        edited = active & (symbolic >= 0)
+        plain = active & ~edited
+        first = edited & (path.encounters == 0)
+        second = edited & (path.encounters == 1) if self.coarse else mi.Bool(False)
+        later = edited & ~first & ~second
+
+        # The side that the path is on; what has only one side is black on the other
+        wo = mi.Vector3f(si.wi)
+        flip = edited & (wo.z < 0) & (dr.gather(mi.UInt32, m.two_sided, obj, edited) != 0)
+        wo.z = dr.select(flip, -wo.z, wo.z)
+        edited &= wo.z > 0
+        first, second, later = first & edited, second & edited, later & edited
+        active = plain | edited
+
+        # Look up the row that a first encounter opens
+        fine = mi.Bool(path.mirror_chain)
+        row_index = (local * self._objects + mi.UInt32(dr.maximum(symbolic, 0))) * 2
+        row = dr.gather(mi.UInt32, target.rows, row_index + dr.select(fine, 0, 1), first)
+        dr.scatter_add(target.lost, mi.UInt32(1), 0, first & (row == NONE))
+        path.row = dr.select(first, row, path.row)
+        path.encounters += dr.select(edited, mi.UInt32(1), 0)
+
+        # A later encounter is with one layer or group, chosen at random
+        H = m.weight_maps(si, obj, edited)
+        slot, slot_weight = m.choose(obj, sampler.next_1d(), second)
+        further = slot_weight * self._slot_map(H, slot)
+        monomial = dr.select(
+            later, self._next(path.monomial, m.variable(obj, slot), later), path.monomial
+        )
+
+        # Sample a light
+        ds, light = scene.sample_emitter_direction(si, sampler.next_2d(), True, active)
+        lit = active & (ds.pdf != 0)
+        light_local = si.to_local(ds.d)
+        wi = mi.Vector3f(light_local.x, light_local.y, dr.select(flip, -light_local.z, light_local.z))
+        above = lit & edited & (wi.z > 0)
+        bsdf = si.bsdf(ray)
+        u1, u2 = sampler.next_1d(), sampler.next_2d()
+        value_plain, pdf_plain, bs, weight_plain = bsdf.eval_pdf_sample(
+            mi.BSDFContext(), si, light_local, u1, u2, plain
+        )
+        incoming = path.throughput * light
+        plain_light = incoming * value_plain * self._light_mis(ds, pdf_plain)
+        plain_light = dr.select(lit & plain, plain_light, 0)
+        later_light = incoming * further * (
+            wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi)
+        )
+        path.pending = dr.select(later & above, later_light, 0)
+        path.pending += dr.select(path.encounters > 0, plain_light, 0)
+        path.fixed += dr.select(path.encounters == 0, plain_light, 0)
+
+        # The light's own column at a first encounter, its own coarse bin at a second one
+        columns = m.columns(obj, wi, wo, H, fine, first & above)
+        value = dr.select(first, incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo))), 0)
+        tail = mi.UInt32(0)
+        if self.coarse:
+            w, q = m.coarse_column(obj, slot, wi, wo, second & above)
+            pdf = m.pdf_layer(obj, slot, wi, wo)
+            value = dr.select(
+                second, incoming * further * (q * wi.z * self._light_mis(ds, pdf)), value
+            )
+            tail = dr.select(second, 1 + w * self._monomial_count, tail)
+            columns = [_select_terms(first, a, b) for a, b in zip(columns, path.terms, strict=True)]
+        self._add(target, path.row, columns, tail, value, (first | second) & above)
+
+        # Sample the next direction
+        wi_first, pdf_first, is_delta = m.sample(obj, wo, u1, u2)
+        wi_next = dr.select(first, wi_first, mi.warp.square_to_cosine_hemisphere(u2))
+        pdf_next = dr.select(first, pdf_first, wi_next.z * dr.inv_pi)
+        is_delta &= first
+        factor = dr.select(
+            first, mi.Color3f(dr.select(is_delta, 1, wi_next.z) / pdf_next), further
+        )
+        bounced = m.columns(obj, wi_next, wo, H, fine, first & ~is_delta)
+        if m.any_delta:
+            mirrored = m.delta_columns(obj, H, is_delta & fine)
+            bounced = [
+                _select_terms(is_delta, a, b) for a, b in zip(mirrored, bounced, strict=True)
+            ]
+        if self.coarse:
+            wi_layer, pdf_layer = m.sample_layer(obj, slot, wo, u1, u2)
+            wi_next = dr.select(second, wi_layer, wi_next)
+            pdf_next = dr.select(second, pdf_layer, pdf_next)
+            w, q = m.coarse_column(obj, slot, wi_next, wo, second)
+            factor = dr.select(second, further * (q * wi_next.z / pdf_next), factor)
+            path.coarse = dr.select(second, 1 + w * self._monomial_count, path.coarse)
+        factor = dr.select(pdf_next > 0, factor, 0)
+        path.terms = [_select_terms(first, a, b) for a, b in zip(bounced, path.terms, strict=True)]
+        path.monomial = monomial
+
+        # Move on
+        wi_next.z = dr.select(flip, -wi_next.z, wi_next.z)
+        direction = si.to_world(dr.select(plain, bs.wo, wi_next))
+        plain_delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+        path.throughput *= dr.select(plain, weight_plain, factor)
+        path.previous_pdf = dr.select(plain, bs.pdf, pdf_next)
+        path.previous_delta = dr.select(plain, plain_delta, is_delta)
+        path.mirror_chain &= plain & (plain_delta | (bs.pdf >= MIRROR_PDF))
+        path.previous = mi.Interaction3f(si)
+        path.ray = si.spawn_ray(direction)
+        path.depth += 1
+        path.active = active & (
+            dr.any(path.throughput != 0) | dr.any(path.pending != 0)
+        )
+
+    # -- pieces ---------------------------------------------------------------------------
+
+    def _next(self, monomial: Any, variable: Any, active: Any) -> Any:
+        return dr.gather(
+            mi.UInt32, self.next_monomial, monomial * self._variables + variable, active
+        )
+
+    def _slot_map(self, H: list[Any], slot: Any) -> Any:
+        result = mi.Color3f(1)
+        if self.materials.maps:
+            for s, value in enumerate(H):
+                result = dr.select(slot == s, value, result)
+        return result
+
+    @staticmethod
+    def _light_mis(ds: Any, pdf: Any) -> Any:
+        return dr.select(ds.delta, 1, mis(ds.pdf, pdf))
+
+    def _add(
+        self, target: Target, row: Any, terms: list[Terms], tail: Any, value: Any, active: Any
+    ) -> None:
+        """T[row, column + k · stride, tail] += quotient_k · H · value, for every layer slot."""
+        active = active & (row != NONE) & dr.any(value != 0)
+        for term in terms:
+            colour = value if term.H is None else value * term.H
+            for k, q in enumerate(term.quotients):
+                index = (row + (term.column + k * term.stride) * self._tails + tail) * 3
+                for channel in range(3):
+                    dr.scatter_add(
+                        target.transport, colour[channel] * q, index + channel, active & (q != 0)
+                    )
+
+
+def mis(a: Any, b: Any) -> Any:
+    """Power heuristic for a sample of density a against another technique's b."""
+    a2 = dr.square(a)
+    weight = a2 / (a2 + dr.square(b))
+    return dr.select(dr.isfinite(weight), weight, 0)
+
+
+def _select_terms(condition: Any, a: Terms, b: Terms) -> Terms:
+    return Terms(
+        dr.select(condition, a.column, b.column),
+        dr.select(condition, a.stride, b.stride),
+        [dr.select(condition, x, y) for x, y in zip(a.quotients, b.quotients, strict=True)],
+        None if a.H is None else dr.select(condition, a.H, b.H),
+    )
