@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class Basis:
 
     def __post_init__(self) -> None:
         s = self.series
-        if not s or any(n < 1 for n in s) or any(a < b for a, b in zip(s, s[1:], strict=False)):
+        if not s or any(n < 1 for n in s) or any(a < b for a, b in pairwise(s)):
             raise InvalidValue(
                 f"series must be one to eight falling numbers >= 1, like 64,1,1,1; got {s}"
             )
@@ -92,9 +93,7 @@ class Basis:
     def variables(self) -> tuple[tuple[int, str], ...]:
         """(object index, layer group) of each variable of the polynomial."""
         return tuple(
-            (i, group)
-            for i, item in enumerate(self.objects)
-            for group in item.material.groups
+            (i, group) for i, item in enumerate(self.objects) for group in item.material.groups
         )
 
     @cached_property
@@ -168,7 +167,9 @@ class Basis:
         item = self.objects[index]
         settled = conserved(item.material, state[item.id])
         parts = [
-            coarse_coefficients(layer, settled.layers[layer.name], coarse_count(layer, self.indirect_bins))
+            coarse_coefficients(
+                layer, settled.layers[layer.name], coarse_count(layer, self.indirect_bins)
+            )
             if indirect
             else coefficients(layer, settled.layers[layer.name])
             for layer in item.material.layers

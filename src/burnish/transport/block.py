@@ -43,7 +43,7 @@ class Block:
     def dense(self) -> Float32:
         """T: float32 [r, c, z, 3]."""
         core = self.core.astype(np.float32) * self.column_scale[None, :, None, None]
-        return np.einsum("ra,acbh,bz->rczh", self.U, core, self.S, optimize=True)
+        return np.asarray(np.einsum("ra,acbh,bz->rczh", self.U, core, self.S, optimize=True))
 
     @property
     def nbytes(self) -> int:

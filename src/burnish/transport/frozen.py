@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
 from burnish.core.types import Float32, Float64, Int32
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.rows import Rows
@@ -52,7 +54,7 @@ class Powers:
         with_coarse = self.coarse >= 0
         if with_coarse.any():
             result[with_coarse] *= basis.coarse_values(state)[self.coarse[with_coarse]]
-        return result
+        return np.asarray(result)
 
 
 @dataclass

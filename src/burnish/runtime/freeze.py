@@ -1,0 +1,317 @@
+"""Object freezing: contract everything that the chosen targets do not keep symbolic.
+
+2008, section 5.2, eq. 27–28, for any set of targets and for the slower series of eq. 29.
+With A[z, n] the product of the *other* objects' factors of tail z (a product, never the
+quotient d^z / d_i^n, so that an albedo of 0 is an ordinary value),
+
+    F[r, c, n] = Σ_z T[r, c, z] A[z, n],        V[r, n] = Σ_c s_c(r) coefficient_c F[r, c, n],
+
+F for rows that first meet a target and V for all others. Both are contracted in
+compressed form: the tails through S, then the columns, and the rows at the end.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue, TooLarge
+from burnish.core.parallel import parallel_map
+from burnish.core.types import Float32, Float64, Int32
+from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.frozen import Frozen, FrozenPart, Powers
+from burnish.transport.pack import BlockSource, Pack
+from burnish.transport.rows import Rows
+
+_CHUNK = 1 << 15
+"""Entries of a pack's last axis that are widened to float32 at a time, to stay in cache."""
+
+
+@dataclass
+class BakedTransport:
+    """A `Transport` over stored blocks: freezing contracts them.
+
+    memory: the bytes of F that a freeze may make; None for half of the machine's.
+    """
+
+    source: BlockSource
+    memory: int | None = None
+
+    @property
+    def basis(self) -> Basis:
+        return self.source.basis
+
+    @property
+    def rows(self) -> Rows:
+        return self.source.rows
+
+    @property
+    def width(self) -> int:
+        return self.source.width
+
+    @property
+    def height(self) -> int:
+        return self.source.height
+
+    @property
+    def emission(self) -> Float32:
+        return self.source.emission
+
+    @property
+    def revision(self) -> int:
+        return self.source.revision
+
+    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+        return freeze(self.source, targets, state, self.memory)
+
+
+def freeze(
+    source: BlockSource,
+    targets: Sequence[int],
+    state: State,
+    memory: int | None = None,
+) -> Frozen:
+    """Freeze a view for a set of targets (indices into `Basis.objects`, in any order).
+
+    state: the materials of all objects; those of the targets do not matter.
+    Raises InvalidValue for a target out of range, TooLarge when F would need more than
+    `memory` bytes (None: half of the machine's memory).
+    """
+    basis = source.basis
+    chosen = tuple(sorted(set(targets)))
+    if any(not 0 <= target < len(basis.objects) for target in chosen):
+        raise InvalidValue(
+            f"targets must lie in [0, {len(basis.objects) - 1}]; got {tuple(targets)}"
+        )
+    powers, factors = tail_factors(basis, chosen, state)
+    rows, packs = source.rows, source.packs()
+    _check_memory(source, packs, chosen, len(powers.exponents), memory)
+
+    kinds: dict[tuple[int, bool], list[Pack]] = {}
+    for pack in packs:
+        kinds.setdefault((pack.object, pack.indirect), []).append(pack)
+    parts: list[FrozenPart] = []
+    for (index, indirect), members in sorted(kinds.items()):
+        contract = _keep_columns if index in chosen else _contract_columns
+        parts += contract(basis, rows, index, indirect, members, factors, state)
+    return Frozen(
+        basis=basis,
+        targets=chosen,
+        width=source.width,
+        height=source.height,
+        base=source.base.reshape(-1, 3),
+        powers=powers,
+        parts=parts,
+        revision=source.revision,
+    )
+
+
+def tail_factors(basis: Basis, targets: tuple[int, ...], state: State) -> tuple[Powers, Float32]:
+    """What stays symbolic of each tail, and the number that the rest of it becomes.
+
+    Returns the distinct powers n and A: float32 [tails, powers, 3], with one power of each
+    tail not zero: the product of the factors that belong to no target.
+    """
+    ours = np.array([v for v, (i, _) in enumerate(basis.variables) if i in targets], np.int32)
+    others = np.ones((len(basis.variables), 3))
+    albedos = basis.albedos(state)
+    is_other = np.ones(len(basis.variables), bool)
+    is_other[ours] = False
+    others[is_other] = albedos[is_other]
+
+    # Split each monomial into the targets' exponents and the others' product
+    exponents = basis.monomials.exponents[:, ours]
+    numbers = basis.monomials.evaluate(others)
+    coarse = np.full(len(exponents), -1, np.int32)
+
+    # Put a coarse column in front where the series has them; tail 0 then stands for 1
+    if basis.coarse:
+        values = basis.coarse_values(state)
+        symbolic = np.array([i in targets for i, _, _ in basis.coarse])
+        values[symbolic] = 1.0
+        column = np.where(symbolic, np.arange(len(values)), -1)
+        monomials, columns = len(exponents), len(values)
+        exponents = np.concatenate(
+            [np.zeros((1, len(ours)), np.int32), np.tile(exponents, (columns, 1))]
+        )
+        numbers = np.concatenate(
+            [np.ones((1, 3)), (values[:, None] * numbers[None]).reshape(-1, 3)]
+        )
+        coarse = np.concatenate([[-1], np.repeat(column, monomials)]).astype(np.int32)
+
+    keys = np.concatenate([coarse[:, None], exponents], axis=1)
+    distinct, where = np.unique(keys, axis=0, return_inverse=True)
+    factors = np.zeros((len(keys), len(distinct), 3), np.float32)
+    factors[np.arange(len(keys)), where.ravel()] = numbers
+    powers = Powers(
+        exponents=distinct[:, 1:].astype(np.int32),
+        variables=ours,
+        coarse=distinct[:, 0].astype(np.int32),
+    )
+    return powers, factors
+
+
+def _contract_tails(pack: Pack, factors: Float32) -> Float32:
+    """S · A of every block of a pack: float32 [3, Σ b, powers]."""
+    z, n, _ = factors.shape
+    product = pack.S.astype(np.float32) @ factors.transpose(0, 2, 1).reshape(z, 3 * n)
+    return np.ascontiguousarray(product.reshape(-1, 3, n).transpose(1, 0, 2))
+
+
+def _keep_columns(
+    basis: Basis,
+    rows: Rows,
+    index: int,
+    indirect: bool,
+    packs: list[Pack],
+    factors: Float32,
+    state: State,
+) -> list[FrozenPart]:
+    """F of a target's rows: one part for each slice of its columns."""
+    slices = basis.indirect_slices(index) if indirect else basis.slices(index)
+    members, starts = _members(packs)
+    n = factors.shape[1]
+    parts = [
+        FrozenPart(
+            object=index,
+            indirect=indirect,
+            pixel=rows.pixel[members],
+            F=np.empty((3, len(members), (part.stop - part.start) * n), np.float32),
+            cos_theta_o=rows.cos_theta_o[members],
+            slice=part,
+        )
+        for part in slices
+    ]
+
+    def work(pack: Pack, start: int) -> None:
+        tails = _contract_tails(pack, factors)
+        scale = pack.column_scale[None, :, None, None]
+        for k, (r, a, b) in enumerate(pack.shape):
+            at, end = pack.offsets[k], pack.offsets[k + 1]
+            first = start + int(at[0])
+            U = pack.U[at[1] : end[1]].reshape(r, a)
+            core = pack.core[:, :, at[2] : end[2]].astype(np.float32).reshape(3, -1, b)
+            G = (core @ tails[:, at[3] : end[3]]).reshape(3, -1, a, n) * scale
+            G = G.transpose(0, 2, 1, 3).reshape(3, a, -1)
+            for part, out in zip(slices, parts, strict=True):
+                np.matmul(
+                    U,
+                    G[:, :, part.start * n : part.stop * n],
+                    out=out.F[:, first : first + r],
+                )
+
+    parallel_map(work, packs, starts)
+    return parts
+
+
+def _contract_columns(
+    basis: Basis,
+    rows: Rows,
+    index: int,
+    indirect: bool,
+    packs: list[Pack],
+    factors: Float32,
+    state: State,
+) -> list[FrozenPart]:
+    """V of rows that first meet an object that is no target: one part."""
+    slices = basis.indirect_slices(index) if indirect else basis.slices(index)
+    members, starts = _members(packs)
+    cosines = rows.cos_theta_o[members]
+    outgoing: list[Float64 | None] = (
+        [None] * len(slices)
+        if indirect
+        else basis.outgoing_factors(index, state, cosines.astype(np.float64))
+    )
+    groups = _by_outgoing(slices, outgoing)
+    # Each group's coefficients, zero outside it, with the column weights undone
+    values = basis.column_coefficients(index, state, indirect) * packs[0].column_scale[:, None]
+    weights = np.zeros((3, len(groups), len(values)), np.float32)
+    for g, (parts_of_group, _) in enumerate(groups):
+        for part in parts_of_group:
+            weights[:, g, part.start : part.stop] = values[part.start : part.stop].T
+    n = factors.shape[1]
+    V = np.empty((len(groups), 3, len(members), n), np.float32)
+
+    def work(pack: Pack, start: int) -> None:
+        contracted = _apply_columns(pack.core, weights)
+        tails = _contract_tails(pack, factors)
+        for k, (r, a, b) in enumerate(pack.shape):
+            at, end = pack.offsets[k], pack.offsets[k + 1]
+            first = start + int(at[0])
+            U = pack.U[at[1] : end[1]].reshape(r, a)
+            core = contracted[:, :, at[2] : end[2]].reshape(len(groups), 3, a, b)
+            np.matmul(U, core @ tails[:, at[3] : end[3]], out=V[:, :, first : first + r])
+
+    parallel_map(work, packs, starts)
+    total = np.zeros((3, len(members), n), np.float32)
+    for values_of_group, (_, factor) in zip(V, groups, strict=True):
+        if factor is None:
+            total += values_of_group
+        else:
+            total += factor.T.astype(np.float32)[:, :, None] * values_of_group
+    return [FrozenPart(index, indirect, rows.pixel[members], total, cosines, None)]
+
+
+def _apply_columns(core: np.ndarray, weights: Float32) -> Float32:
+    """Σ_c weights[h, g, c] core[h, c, N], widened chunk by chunk: float32 [g, 3, N]."""
+    length = core.shape[2]
+    result = np.empty((weights.shape[1], 3, length), np.float32)
+    for h in range(3):
+        for start in range(0, length, _CHUNK):
+            part = core[h, :, start : start + _CHUNK].astype(np.float32)
+            result[:, h, start : start + _CHUNK] = weights[h] @ part
+    return result
+
+
+def _by_outgoing(
+    slices: Sequence[ColumnSlice], outgoing: Sequence[Float64 | None]
+) -> list[tuple[list[ColumnSlice], Float64 | None]]:
+    """Slices without an outgoing factor together, every other by itself."""
+    plain = [part for part, factor in zip(slices, outgoing, strict=True) if factor is None]
+    groups: list[tuple[list[ColumnSlice], Float64 | None]] = [(plain, None)] if plain else []
+    return groups + [
+        ([part], factor)
+        for part, factor in zip(slices, outgoing, strict=True)
+        if factor is not None
+    ]
+
+
+def _members(packs: Sequence[Pack]) -> tuple[Int32, list[int]]:
+    """The rows of all packs in their order, and where each pack starts among them."""
+    counts = [len(pack.rows) for pack in packs]
+    starts = np.concatenate([[0], np.cumsum(counts)])[:-1]
+    return np.concatenate([pack.rows for pack in packs]), [int(start) for start in starts]
+
+
+def _check_memory(
+    source: BlockSource,
+    packs: Sequence[Pack],
+    targets: tuple[int, ...],
+    powers: int,
+    memory: int | None,
+) -> None:
+    """Refuse a freeze whose F would not fit."""
+    need = (
+        12
+        * powers
+        * sum(
+            len(pack.rows) * (pack.core.shape[1] if pack.object in targets else 1) for pack in packs
+        )
+    )
+    limit = memory if memory is not None else _machine_memory() // 2
+    if need > limit:
+        names = ", ".join(source.basis.objects[target].id for target in targets)
+        raise TooLarge(
+            f"selecting {names} together needs {need / 1e9:.1f} GB and at most "
+            f"{limit / 1e9:.1f} GB may be used: select fewer objects at a time"
+        )
+
+
+def _machine_memory() -> int:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
