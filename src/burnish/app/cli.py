@@ -1,0 +1,260 @@
+"""The command line: `burnish bake | render | compare | info | examples`.
+
+Commands read their options, call `burnish.app.commands` and print. Whatever a user can get
+wrong ends as one line on stderr and exit code 2; Ctrl+C ends with 130 and what was kept.
+"""
+
+from __future__ import annotations
+
+import errno
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import click
+
+from burnish.core.errors import BurnishError
+from burnish.core.version import __version__
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+INTERRUPTED = 130
+"""Exit code after Ctrl+C, as shells have it."""
+
+
+class Group(click.Group):
+    """Commands in the order in which they are met, and the nearest name for a wrong one."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of definition."""
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with `UnknownName`'s hint."""
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            from burnish.core.errors import UnknownName
+
+            raise UnknownName("command", args[0], self.commands)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(
+    cls=Group,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Start with: burnish examples",
+)
+@click.version_option(__version__, prog_name="burnish")
+def cli() -> None:
+    """Edit materials in the finished scene, with every bounce of light answering.
+
+    SCENE is a Mitsuba 3 XML file or the name of an example; BUNDLE is what `bake` wrote.
+    """
+
+
+def edit_options(command: Command) -> Command:
+    """The options that say which edits are made."""
+    for option in (
+        click.option(
+            "--view", metavar="NAME", help="Which view of the scene (the first without it)."
+        ),
+        click.option(
+            "--edits",
+            metavar="FILE",
+            help="Edits that a session has saved; made before every --set.",
+        ),
+        click.option(
+            "--set",
+            "assignments",
+            metavar="OBJECT.LAYER.PARAM=VALUE",
+            multiple=True,
+            help="One edit, may be given many times. VALUE: a number, R,G,B (linear), "
+            "#rrggbb (sRGB) or a choice.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish bake cornell-box -o box.burnish
+  burnish bake scene.xml -o out.burnish --editable teapot,tray --series 128,8,1
+  burnish bake scene.xml -o out.burnish --bins teapot=256,tray=16 --minutes 30
+  burnish bake scene.xml -o out.burnish --resume"""
+)
+@click.argument("scene")
+@click.option("-o", "--output", required=True, metavar="OUT.burnish", help="The bundle to write.")
+@click.option(
+    "--editable", metavar="A,B,…", help="Objects that stay editable (all that can be without it)."
+)
+@click.option(
+    "--bounces",
+    type=click.IntRange(1, 8),
+    metavar="N",
+    help="Bounces of light, 1 to 8; short for --series 64,1,…,1.",
+)
+@click.option(
+    "--series",
+    metavar="J,…",
+    help="Bins per bounce from the eye, such as 64,1,1,1 (the default), 128,8,1 or 64,16.",
+)
+@click.option("--bins", metavar="A=N,…", help="Other numbers of bins for an object or a layer.")
+@click.option(
+    "--spp",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Samples per pixel, rounded up to full strata (256 without --minutes).",
+)
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0, min_open=True),
+    metavar="T",
+    help="Spend about this long; a timed pilot fixes the samples.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Other samples, other noise.")
+@click.option("--resume", is_flag=True, help="Go on with a bake that was interrupted.")
+def bake(**options: Any) -> None:
+    """Trace SCENE once, so that its materials can be edited from then on."""
+    from burnish.app import commands
+
+    commands.bake(**options)
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish render box.burnish -o box.png
+  burnish render box.burnish -o red.exr --set left.diffuse.color=0.6,0.1,0.1
+  burnish render scene.xml -o truth.exr --spp 1024 --set teapot.specular.roughness=0.1"""
+)
+@click.argument("source", metavar="SCENE|BUNDLE")
+@click.option("-o", "--output", required=True, metavar="OUT.exr|.png", help="The picture to write.")
+@edit_options
+@click.option(
+    "--spp",
+    type=click.IntRange(1),
+    default=256,
+    show_default=True,
+    help="Samples per pixel of a path-traced SCENE; a bundle needs none.",
+)
+@click.option("--seed", type=int, default=0, help="Of a path-traced SCENE.")
+@click.option(
+    "--exposure", type=float, default=0.0, show_default=True, help="Stops; of a PNG alone."
+)
+@click.option(
+    "--tonemap", default="srgb", show_default=True, metavar="NAME", help="Of a PNG alone."
+)
+def render(**options: Any) -> None:
+    """Write a picture with edited materials: from a bundle at once, of a scene by path tracing."""
+    from burnish.app import commands
+
+    commands.render(**options)
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish compare box.burnish --set back.diffuse.color=#c83c28 -o sheet.png
+  burnish compare box.burnish --edits look.json --spp 2048 --json"""
+)
+@click.argument("source", metavar="SCENE|BUNDLE")
+@edit_options
+@click.option(
+    "--spp",
+    type=click.IntRange(2),
+    default=256,
+    show_default=True,
+    help="Samples per pixel of the truth.",
+)
+@click.option("--seed", type=int, default=1, help="Of the truth.")
+@click.option("-o", "--output", metavar="SHEET.png", help="Write ours, truth, FLIP and figures.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def compare(**options: Any) -> None:
+    """Hold an edited picture against Mitsuba's path tracer with the same materials."""
+    from burnish.app import commands
+
+    commands.compare(**options)
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish info cornell-box
+  burnish info box.burnish --json"""
+)
+@click.argument("source", metavar="SCENE|BUNDLE")
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+def info(**options: Any) -> None:
+    """List objects, layers, models, parameters with their ranges, views and sizes."""
+    from burnish.app import commands
+
+    commands.info(**options)
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish examples
+  burnish bake teatray -o teatray.burnish"""
+)
+def examples() -> None:
+    """List the scenes that come along."""
+    from burnish.app import commands
+
+    commands.examples()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line: 0 done, 2 for what the user can mend, 130 after Ctrl+C."""
+    try:
+        cli.main(arguments, prog_name="burnish", standalone_mode=False)
+    except BurnishError as error:
+        return complain(str(error))
+    except click.UsageError as error:
+        path = error.ctx.command_path if error.ctx else "burnish"
+        return complain(f"{error.format_message()} (see {path} --help)")
+    except click.ClickException as error:
+        return complain(error.format_message())
+    except (KeyboardInterrupt, click.Abort) as interruption:
+        # A note says what was kept and how to go on.
+        notes = getattr(interruption, "__notes__", ["stopped; nothing was written"])
+        click.echo(f"burnish: {' '.join(notes)}", err=True)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has left, as `head` does.
+        sys.stderr.close()
+        return 0
+    except OSError as error:
+        return complain(operating_system_error(error))
+    return 0
+
+
+def complain(message: str) -> int:
+    """One line on stderr; the exit code for what the user can mend."""
+    click.echo(f"burnish: {' '.join(message.split())}", err=True)
+    return 2
+
+
+def operating_system_error(error: OSError) -> str:
+    """What the system refused, for which file, and what helps."""
+    remedies = {
+        errno.ENOSPC: "; free some space or choose another folder",
+        errno.EDQUOT: "; free some space or choose another folder",
+        errno.EACCES: "; choose a place that you may write to",
+        errno.EROFS: "; choose a place that you may write to",
+    }
+    subject = f"{error.filename!r}: " if error.filename else ""
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"{subject}{reason}{remedies.get(error.errno or 0, '')}"
+
+
+if __name__ == "__main__":
+    main()
