@@ -116,10 +116,12 @@ def make_environment() -> None:
 def device_problem() -> str:
     """Why the installed package finds no device to trace rays on; empty when it does."""
     question = (
-        "from burnish.core.errors import DeviceError\n"
-        "from burnish.scene.device import find_llvm, gpu_usable\n"
-        "try:\n    gpu_usable() or find_llvm()\n"
-        "except DeviceError as error:\n    print(error)\n"
+        "from burnish.core.errors import BurnishError\n"
+        "try:\n"
+        "    from burnish.scene.device import find_llvm, gpu_usable\n"
+        "    gpu_usable() or find_llvm()\n"
+        "except BurnishError as error:\n"
+        "    print(error)\n"
     )
     answer = subprocess.run(
         [VENV / "bin" / "python", "-c", question], stdout=subprocess.PIPE, text=True, check=True
@@ -139,12 +141,9 @@ def ensure_device() -> None:
     problem = device_problem()
     if problem:
         stop(
-            f"{problem}\nType one of these, then make again:\n"
-            "  Debian, Ubuntu:  sudo apt-get update && sudo apt-get install $(apt-cache pkgnames "
-            "libllvm | grep -E '^libllvm[0-9]+(t64)?$' | sort -V | tail -n 1)\n"
-            "  Fedora:          sudo dnf install llvm-libs\n"
-            "  macOS:           brew install llvm\n"
-            "Where it lies somewhere unusual, set DRJIT_LIBLLVM_PATH to the library's file."
+            f"{problem}.\nThen make again. Where apt has no package of that name, take the newest "
+            "that `apt-cache pkgnames libllvm` lists; where the library lies somewhere unusual, "
+            "set DRJIT_LIBLLVM_PATH to its file."
         )
 
 
