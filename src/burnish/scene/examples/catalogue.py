@@ -1,0 +1,47 @@
+"""The list of example scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from burnish.core.errors import UnknownName
+from burnish.scene.examples import cornell_box
+from burnish.scene.objects import SceneObject
+
+Finish = Callable[[SceneObject], SceneObject]
+"""Gives an object what a Mitsuba scene cannot say, such as a Blinn-Phong layer."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """A scene made by code.
+
+    describe: takes a folder for meshes and textures, returns a Mitsuba dictionary.
+    finish: by object id, applied once the scene is loaded.
+    """
+
+    name: str
+    description: str
+    describe: Callable[[Path], dict[str, Any]]
+    finish: Mapping[str, Finish]
+
+
+def find(name: str) -> Example:
+    """The example of that name. Raises UnknownName."""
+    for example in EXAMPLES:
+        if example.name == name:
+            return example
+    raise UnknownName("example scene", name, [example.name for example in EXAMPLES])
+
+
+EXAMPLES: tuple[Example, ...] = (
+    Example(
+        "cornell-box",
+        "The Cornell box: seven surfaces, each diffuse with a Blinn-Phong gloss to turn up",
+        cornell_box.describe,
+        cornell_box.FINISH,
+    ),
+)
