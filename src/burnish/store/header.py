@@ -1,0 +1,168 @@
+"""What a bundle says about itself: a basis, views, objects and where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from burnish.core.errors import BundleError, BurnishError
+from burnish.materials.layer import Layer, Material
+from burnish.materials.registry import material_from_json, material_to_json
+from burnish.transport.basis import Basis, EditableObject
+
+FORMAT = "burnish-bundle"
+FORMAT_VERSION = 1
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class ViewHeader:
+    """One view: its name, size, and the rectangles (x, y, width, height) of its tiles.
+
+    camera: plain numbers that an editor may show, such as a transform or a field of view.
+    """
+
+    name: str
+    width: int
+    height: int
+    tiles: tuple[tuple[int, int, int, int], ...]
+    camera: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ObjectHeader:
+    """An object of the scene; `reason` says why it is not editable ("" when it is)."""
+
+    id: str
+    editable: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class BundleHeader:
+    """Everything in a bundle but its tiles.
+
+    name: of the scene. objects: all of the scene's, the basis's among them. provenance:
+    JSON values such as scene hash, source, seed, samples, version.
+    """
+
+    basis: Basis
+    views: tuple[ViewHeader, ...]
+    objects: tuple[ObjectHeader, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+
+    def to_json(self) -> Json:
+        """Plain JSON values, format and version first."""
+        basis = self.basis
+        return {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "name": self.name,
+            "series": list(basis.series),
+            "indirect_bins": basis.indirect_bins,
+            "editable": [
+                {"id": item.id, "material": material_to_json(item.material)}
+                for item in basis.objects
+            ],
+            "objects": [
+                {"id": item.id, "editable": item.editable, "reason": item.reason}
+                for item in self.objects
+            ],
+            "views": [
+                {
+                    "name": view.name,
+                    "width": view.width,
+                    "height": view.height,
+                    "tiles": [list(tile) for tile in view.tiles],
+                    "camera": dict(view.camera),
+                }
+                for view in self.views
+            ],
+            "provenance": dict(self.provenance),
+        }
+
+    @staticmethod
+    def from_json(data: object, where: str) -> BundleHeader:
+        """The inverse of `to_json`. Raises BundleError naming the file."""
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise BundleError(f"{where}: not a burnish bundle; make one with `burnish bake`")
+        version = data.get("format_version")
+        if not isinstance(version, int) or version > FORMAT_VERSION:
+            raise BundleError(
+                f"{where}: the bundle has format {version!r} and this burnish reads up to "
+                f"{FORMAT_VERSION}: install a newer burnish"
+            )
+        try:
+            objects = tuple(
+                EditableObject(item["id"], material_from_json(item["material"]))
+                for item in data["editable"]
+            )
+            return BundleHeader(
+                basis=Basis(objects, tuple(data["series"]), data["indirect_bins"]),
+                views=tuple(
+                    ViewHeader(
+                        view["name"],
+                        view["width"],
+                        view["height"],
+                        tuple((x, y, w, h) for x, y, w, h in view["tiles"]),
+                        view["camera"],
+                    )
+                    for view in data["views"]
+                ),
+                objects=tuple(ObjectHeader(**item) for item in data["objects"]),
+                provenance=data["provenance"],
+                name=data["name"],
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, BurnishError) as error:
+            raise BundleError(
+                f"{where}: the bundle's header is damaged ({error}); bake the scene again"
+            ) from None
+
+    def info(self) -> Json:
+        """What `burnish info --json` prints."""
+        materials = {item.id: item.material for item in self.basis.objects}
+        listed = self.objects or tuple(ObjectHeader(name, True) for name in materials)
+        objects = []
+        for item in listed:
+            entry: Json = {"id": item.id, "editable": item.id in materials}
+            if item.reason:
+                entry["reason"] = item.reason
+            if item.id in materials:
+                material = materials[item.id]
+                entry["layers"] = [_layer_info(material, layer) for layer in material.layers]
+            objects.append(entry)
+        view = self.views[0] if self.views else None
+        return {
+            "name": self.name,
+            "objects": objects,
+            "views": [
+                {"name": view.name, "width": view.width, "height": view.height}
+                for view in self.views
+            ],
+            "bounces": self.basis.bounces,
+            "series": list(self.basis.series),
+            "resolution": [view.width, view.height] if view else None,
+            "provenance": dict(self.provenance),
+        }
+
+
+def _layer_info(material: Material, layer: Layer) -> Json:
+    values = material.initial.layers[layer.name].values
+    parameters: Json = {}
+    for parameter in material.parameters(layer.name):
+        value = values[parameter.name]
+        entry: Json = {"value": list(value) if isinstance(value, tuple) else value}
+        if parameter.kind == "choice":
+            entry["choices"] = list(parameter.choices)
+        else:
+            entry |= {"min": parameter.minimum, "max": parameter.maximum}
+        parameters[parameter.name] = entry | {"unit": parameter.unit}
+    return {
+        "name": layer.name,
+        "model": layer.model.name,
+        "bins": layer.bins,
+        "parameters": parameters,
+    }
