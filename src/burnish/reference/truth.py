@@ -1,0 +1,110 @@
+"""The truth: Mitsuba's own path tracer, given the scene with the edited materials in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from burnish.core.errors import InvalidValue
+from burnish.core.types import Float32, Progress
+from burnish.materials.layer import MaterialState
+from burnish.reference.bsdf import layered_bsdf
+from burnish.reference.film import Estimate, trace
+from burnish.scene import Scene, SceneObject
+
+State = Mapping[str, MaterialState]
+"""Object id to the state of its material; objects that are not named keep the scene's own."""
+
+
+class PathTracedTruth:
+    """Path-traced pictures of a scene with any state of its materials.
+
+    An object in the state that the scene gave it keeps the scene's own BSDF; an edited one
+    gets Mitsuba's own plugin with the edited parameters where one can hold them, and
+    `LayeredBSDF` with burnish's materials where none can.
+
+    bounces: scattering events per path, 1 or more; None for no limit (Russian roulette).
+    """
+
+    def __init__(self, scene: Scene, bounces: int | None = None) -> None:
+        if bounces is not None and bounces < 1:
+            raise InvalidValue(f"bounces must be at least 1, or None for no limit; got {bounces}")
+        self.scene = scene
+        self.bounces = bounces
+        settings: dict[str, Any] = {"type": "path"}
+        if bounces is not None:
+            # Roulette only adds noise where the depth is limited anyway
+            settings |= {"max_depth": bounces + 1, "rr_depth": bounces + 2}
+        self._integrator = mi.load_dict(settings)
+        self._state: dict[str, MaterialState] = {}
+        self._scene: Any = scene.mi_scene
+
+    def render(
+        self,
+        state: State,
+        view: str,
+        spp: int,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Float32:
+        """The picture: float32 [height, width, 3], linear RGB."""
+        return self.estimate(state, view, spp, seed, progress).image
+
+    def estimate(
+        self,
+        state: State,
+        view: str | None = None,
+        spp: int = 64,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Estimate:
+        """The picture with its halves, its variance and its directly seen emission.
+
+        view: the scene's first when None. spp: at least 2. Raises UnknownName, InvalidValue.
+        """
+        scene = self.mi_scene(state)
+
+        def radiance(sampler: Any, ray: Any) -> tuple[Any, Any]:
+            light, _, _ = self._integrator.sample(scene, sampler, ray)
+            return mi.Color3f(light), directly_seen(scene, ray)
+
+        return trace(radiance, self.scene.view(view), spp, seed, progress)
+
+    def mi_scene(self, state: State) -> Any:
+        """The mi.Scene with the materials of a state; built again only when they change."""
+        edited = {
+            object_id: item
+            for object_id, item in state.items()
+            if not is_initial(self.scene.object(object_id), item)
+        }
+        if edited != self._state:
+            bsdfs = {
+                object_id: edited_bsdf(self.scene.object(object_id), item)
+                for object_id, item in edited.items()
+            }
+            self._scene = self.scene.with_bsdfs(bsdfs) if bsdfs else self.scene.mi_scene
+            self._state = edited
+        return self._scene
+
+
+def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
+    """The mi.BSDF of an object in a state. Raises InvalidValue for a fixed object."""
+    if item.material is None:
+        raise InvalidValue(f"object {item.id!r} cannot be edited: {item.reason}; leave it out")
+    own = item.edited_bsdf(state)
+    return own if own is not None else layered_bsdf(item.material, state, item.maps, item.two_sided)
+
+
+def is_initial(item: SceneObject, state: MaterialState) -> bool:
+    """Whether a state is the one that the scene gave an object."""
+    return item.material is not None and state == item.material.initial
+
+
+def directly_seen(scene: Any, ray: Any) -> Any:
+    """The emission of what a camera ray meets first, background included: mi.Color3f."""
+    si = scene.ray_intersect(ray, mi.RayFlags.All, True)
+    emitter = si.emitter(scene)
+    return dr.select(emitter != None, mi.Color3f(emitter.eval(si)), 0)  # noqa: E711 (per lane)
