@@ -50,7 +50,7 @@ def albedo(layer: Layer, state: LayerState) -> Float64:
     """Equivalent albedo d of a layer: float64 [3] (2008, eq. 36–37), s(θo) included."""
     table = energy_table(layer)
     per_bin = _albedo_of_bins(layer, state, table)
-    return per_bin.sum(axis=0) + _albedo_of_delta(layer, state, table)
+    return np.asarray(per_bin.sum(axis=0) + _albedo_of_delta(layer, state, table))
 
 
 def directional_albedo(layer: Layer, state: LayerState) -> tuple[Float64, Float64]:

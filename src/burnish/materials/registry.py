@@ -13,13 +13,23 @@ from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.materials.model import Model
 from burnish.materials.models.blinn_phong import BlinnPhong
+from burnish.materials.models.cook_torrance import (
+    CookTorrance,
+    CookTorranceConductor,
+    CookTorranceDielectric,
+)
 from burnish.materials.models.lambert import Lambert
+from burnish.materials.models.plastic_base import PlasticBase
 
 MODELS: dict[str, type[Model]] = {
     model.name: model
     for model in (
         Lambert,
         BlinnPhong,
+        CookTorrance,
+        CookTorranceDielectric,
+        CookTorranceConductor,
+        PlasticBase,
     )
 }
 

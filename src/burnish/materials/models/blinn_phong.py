@@ -50,10 +50,8 @@ class BlinnPhong(Model):
         return np.asarray(values["color"], np.float64).reshape(1, 3) * normalisation
 
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
-        # Below 2^-1022 a power of a small cosine is zero
-        with np.errstate(under="ignore"):
-            cosine = np.maximum(np.cos(t * self.coordinate_maximum), 0.0)
-            return np.asarray(cosine ** float(values["exponent"]))[:, None]  # type: ignore[arg-type]
+        cosine = np.maximum(np.cos(t * self.coordinate_maximum), 0.0)
+        return np.asarray(cosine ** float(values["exponent"]))[:, None]  # type: ignore[arg-type]
 
     def evaluate(self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any]) -> list[Any]:
         n = values["exponent"]

@@ -1,0 +1,470 @@
+"""Cook-Torrance: reflection by microfacets, with roughness, masking and Fresnel editable.
+
+    ρ = color · D(θh; α) · F(θd; v) · G1(θi; α) · G1(θo; α) / (4 cosθi cosθo)
+
+(Cook and Torrance 1982; 2006, eq. 10; Walter et al. 2007, eq. 20.) As a sum of products:
+
+- f(t) = D(θh; α) is the profile, t = θh / (π/2);
+- G1(θo; α) is exact at run time, as s(θo);
+- G1(θi; α) ≈ Σ_m g_m(α) G1(θi; α_m), anchors α_m (see `anchors`), the first the initial α;
+- F(θd; v) ≈ Σ_f A_f(v) F(θd; v_f), anchors likewise, one set of weights per channel.
+
+So q_k = F(θd; v_f) G1(θi; α_m) G1(θo; α_0) / (4 cosθi cosθo), with k = f · masking_terms + m,
+and s(θo) = G1(θo; α) / G1(θo; α_0). Both expansions are exact for what a layer starts with,
+except where three colour channels of a conductor ask for more functions than there are.
+
+Largest error of the directional albedo for α from 0.05 to 0.6 and θo up to 80°: 1.2 % with
+two masking terms, 0.7 % with three; frozen masking errs by up to 49 %.
+
+A perfectly smooth surface (roughness below 0.001) is a delta lobe, color · F(θo).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue
+from burnish.core.types import Float64
+from burnish.materials.maths import Maths, dot, half_vector, numpy_maths, theta_half
+from burnish.materials.model import Fixed, Model, Values
+from burnish.materials.models.anchors import Expansion, choose_anchors, stacked
+from burnish.materials.models.optics import (
+    SMALLEST_ROUGHNESS,
+    Distribution,
+    fresnel_conductor,
+    fresnel_dielectric,
+    masking,
+    microfacet_density,
+    schlick_weight,
+)
+from burnish.materials.parameter import Parameter
+
+ROUGHNESS = Parameter(
+    "roughness",
+    0.1,
+    0.0,
+    1.0,
+    scale="square",
+    rough_minimum=SMALLEST_ROUGHNESS,
+    description="Mitsuba's alpha, not its square root; below 0.001 perfectly smooth",
+)
+MASKING_ANCHORS = tuple(Parameter(f"masking_{m}", 0.0) for m in range(3))
+"""The α_m of the masking expansion; 0 stands for no masking."""
+
+
+@dataclass(frozen=True)
+class _Microfacets(Model):
+    """What the three kinds of Fresnel reflection share."""
+
+    distribution: Distribution = "ggx"
+    masking_terms: int = 2
+
+    coordinate_name = "theta_h"
+    coordinate_maximum = math.pi / 2
+    can_be_delta = True
+    lobe = "half"
+
+    def __post_init__(self) -> None:
+        if self.distribution not in ("beckmann", "ggx"):
+            raise InvalidValue(
+                f"distribution must be 'beckmann' or 'ggx'; got {self.distribution!r}"
+            )
+        if self.masking_terms not in (1, 2, 3):
+            raise InvalidValue(f"masking_terms must be 1, 2 or 3; got {self.masking_terms}")
+
+    # What a kind of Fresnel reflection answers
+
+    @property
+    @abstractmethod
+    def _fresnel_count(self) -> int: ...
+
+    @abstractmethod
+    def _fresnel_basis(self, xp: Maths, cos: Any, fixed: Fixed) -> list[Any]:
+        """F(θd; v_f), a scalar for each term."""
+
+    @abstractmethod
+    def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
+        """A_f of each channel: float64 [terms, 3]."""
+
+    @abstractmethod
+    def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
+        """The true F of each channel."""
+
+    @abstractmethod
+    def _freeze_fresnel(self, values: Values) -> dict[str, float]: ...
+
+    def _tint(self, values: Mapping[str, Any]) -> Any:
+        return values["color"]
+
+    # The model
+
+    @property
+    def rank(self) -> int:
+        return self._fresnel_count * self.masking_terms
+
+    def freeze(self, values: Values) -> dict[str, float]:
+        alpha = _rough(values)
+        names = [item.name for item in MASKING_ANCHORS]
+        anchors = _masking_anchors(self.distribution, round(alpha, 9), self.masking_terms)
+        return {**dict(zip(names, anchors, strict=False)), **self._freeze_fresnel(values)}
+
+    def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:
+        return theta_half(xp, wi, wo) * (2 / xp.pi)
+
+    def quotients(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> list[Any]:
+        cos_d = xp.minimum(xp.maximum(dot(wi, half_vector(xp, wi, wo)), 0.0), 1.0)
+        shared = masking(xp, self.distribution, wo.z, fixed["masking_0"]) / (4 * wi.z * wo.z)
+        shadow = [
+            shared * masking(xp, self.distribution, wi.z, fixed[f"masking_{m}"])
+            for m in range(self.masking_terms)
+        ]
+        return [f * g for f in self._fresnel_basis(xp, cos_d, fixed) for g in shadow]
+
+    def amplitudes(self, values: Values, fixed: Fixed) -> Float64:
+        anchors = tuple(float(fixed[f"masking_{m}"]) for m in range(self.masking_terms))
+        cos, _ = _cosines()
+        alpha = _rough(values)
+        expansion = _masking_expansion(self.distribution, anchors)
+        g = expansion.weights(masking(numpy_maths, self.distribution, cos, alpha))
+        fresnel = self._fresnel_weights(values, fixed) * np.asarray(self._tint(values))
+        return np.asarray((fresnel[:, None, :] * g[None, :, None]).reshape(self.rank, 3))
+
+    def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
+        alpha = float(values["roughness"])  # type: ignore[arg-type]
+        if alpha < SMALLEST_ROUGHNESS:
+            return np.zeros((len(t), 1))
+        theta = t * self.coordinate_maximum
+        density = microfacet_density(
+            numpy_maths, self.distribution, np.sin(theta) ** 2, np.cos(theta), alpha
+        )
+        return np.asarray(density)[:, None]
+
+    def outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64 | None:
+        cos = np.maximum(cos_theta_o, 1e-4)
+        alpha, first = _rough(values), float(fixed["masking_0"])
+        if alpha == first:
+            return None
+        now = masking(numpy_maths, self.distribution, cos, alpha)
+        return np.asarray(now / masking(numpy_maths, self.distribution, cos, first))[:, None]
+
+    def delta(self, values: Values, fixed: Fixed) -> Float64:
+        smooth = float(values["roughness"]) < SMALLEST_ROUGHNESS  # type: ignore[arg-type]
+        return np.asarray(self._tint(values), np.float64) * np.ones(3) * float(smooth)
+
+    def delta_outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64:
+        channels = self._fresnel(numpy_maths, np.asarray(cos_theta_o, np.float64), values)
+        return np.stack(channels, axis=1)
+
+    def evaluate(self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any]) -> list[Any]:
+        h = half_vector(xp, wi, wo)
+        cos_d = xp.minimum(xp.maximum(dot(wi, h), 0.0), 1.0)
+        alpha = xp.maximum(values["roughness"], SMALLEST_ROUGHNESS)
+        density = microfacet_density(xp, self.distribution, h.x * h.x + h.y * h.y, h.z, alpha)
+        shadow = masking(xp, self.distribution, wi.z, alpha)
+        shadow = shadow * masking(xp, self.distribution, wo.z, alpha)
+        lit = (wi.z > 0) & (wo.z > 0) & (values["roughness"] >= SMALLEST_ROUGHNESS)
+        cosines = xp.select(lit, 4 * wi.z * wo.z, 1.0)
+        lobe = xp.select(lit, density * shadow / cosines, 0.0)
+        tint, fresnel = self._tint(values), self._fresnel(xp, cos_d, values)
+        return [lobe * fresnel[channel] * tint[channel] for channel in range(3)]
+
+
+@dataclass(frozen=True)
+class CookTorrance(_Microfacets):
+    """Microfacets whose Fresnel reflection is Schlick's, from a colour at normal incidence.
+
+    F = F0 + (1 − F0) (1 − cosθd)⁵ is the sum of two single-curve layers of 2008 (eq. 31–32),
+    here two quotients of one layer; the expansion is exact for every F0.
+
+    | parameter | range | meaning |
+    |---|---|---|
+    | color | [0, 1] per channel, linear RGB | F0, reflectance at normal incidence |
+    | roughness | [0.001, 1]; 0 with a delta column | Mitsuba's alpha |
+
+    Static: distribution ("ggx" or "beckmann"), masking_terms (1, 2 or 3).
+    Frozen: masking_0 …, f0 (the F0 of the reference quotient).
+    """
+
+    name = "cook-torrance"
+    parameters = (
+        Parameter("color", 0.04, kind="colour", description="reflectance at normal incidence"),
+        ROUGHNESS,
+    )
+    fixed_parameters = (*MASKING_ANCHORS, Parameter("f0", 0.04, 0.02, 1.0))
+
+    @property
+    def _fresnel_count(self) -> int:
+        return 2
+
+    def _tint(self, values: Mapping[str, Any]) -> Any:
+        return (1.0, 1.0, 1.0)
+
+    def _fresnel_basis(self, xp: Maths, cos: Any, fixed: Fixed) -> list[Any]:
+        grazing = schlick_weight(cos)
+        return [fixed["f0"] + (1 - fixed["f0"]) * grazing, grazing]
+
+    def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
+        f0, first = np.asarray(values["color"], np.float64) * np.ones(3), float(fixed["f0"])
+        ratio = f0 / first
+        return np.stack([ratio, (1 - f0) - ratio * (1 - first)])
+
+    def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
+        grazing = schlick_weight(cos)
+        return [f0 + (1 - f0) * grazing for f0 in values["color"]]
+
+    def _freeze_fresnel(self, values: Values) -> dict[str, float]:
+        return {"f0": min(1.0, max(0.02, float(np.mean(values["color"]))))}  # type: ignore[arg-type]
+
+
+DIELECTRIC_ANCHORS = tuple(Parameter(f"ior_{f}", 1.5, 1.0, 1e4) for f in range(3))
+MIRROR_INDEX = 1e4
+"""An index of refraction that reflects practically everything."""
+
+
+@dataclass(frozen=True)
+class CookTorranceDielectric(_Microfacets):
+    """Microfacets of a dielectric: the glossy coat of Mitsuba's `plastic` and `roughplastic`.
+
+    | parameter | range | meaning |
+    |---|---|---|
+    | color | [0, 1] per channel, linear RGB | multiplies the reflection |
+    | roughness | [0.001, 1]; 0 with a delta column | Mitsuba's alpha |
+    | ior | [1, 3] | index of refraction relative to the outside |
+
+    Static: distribution, masking_terms, fresnel_terms (1 to 3). With two Fresnel terms an ior
+    edited away from its initial value errs by up to 6 % of the reflection between 1.33 and
+    2.2, and up to 19 % at 1.2; with three by 2 % from 1.2 to 3 (θd below 80°).
+    Frozen: masking_0 …, ior_0 ….
+    """
+
+    fresnel_terms: int = 2
+
+    name = "cook-torrance-dielectric"
+    parameters = (
+        Parameter("color", 1.0, kind="colour", description="multiplies the reflection"),
+        ROUGHNESS,
+        Parameter("ior", 1.5, 1.0, 3.0, 1.2, 2.2, description="relative index of refraction"),
+    )
+    fixed_parameters = (*MASKING_ANCHORS, *DIELECTRIC_ANCHORS)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fresnel_terms not in (1, 2, 3):
+            raise InvalidValue(f"fresnel_terms must be 1, 2 or 3; got {self.fresnel_terms}")
+
+    @property
+    def _fresnel_count(self) -> int:
+        return self.fresnel_terms
+
+    def _fresnel_basis(self, xp: Maths, cos: Any, fixed: Fixed) -> list[Any]:
+        return [fresnel_dielectric(xp, cos, fixed[f"ior_{f}"]) for f in range(self.fresnel_terms)]
+
+    def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
+        anchors = tuple(float(fixed[f"ior_{f}"]) for f in range(self.fresnel_terms))
+        cos, _ = _cosines()
+        true = fresnel_dielectric(numpy_maths, cos, float(values["ior"]))  # type: ignore[arg-type]
+        return np.repeat(_dielectric_expansion(anchors).weights(true)[:, None], 3, axis=1)
+
+    def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
+        return [fresnel_dielectric(xp, cos, values["ior"])] * 3
+
+    def _freeze_fresnel(self, values: Values) -> dict[str, float]:
+        anchors = _dielectric_anchors(round(float(values["ior"]), 9), self.fresnel_terms)  # type: ignore[arg-type]
+        return {f"ior_{f}": ior for f, ior in enumerate(anchors)}
+
+
+CONDUCTOR_ANCHORS = tuple(
+    Parameter(f"{name}_{f}", default, 0.0, 1e4)
+    for f in range(4)
+    for name, default in (("eta", 0.0), ("k", 1.0))
+)
+
+
+@dataclass(frozen=True)
+class CookTorranceConductor(_Microfacets):
+    """Microfacets of a metal: Mitsuba's `conductor` and `roughconductor`.
+
+    | parameter | range | meaning |
+    |---|---|---|
+    | color | [0, 1] per channel, linear RGB | multiplies the reflection |
+    | roughness | [0.001, 1]; 0 with a delta column | Mitsuba's alpha |
+    | eta | [0, 10] per channel | real part of the index of refraction; 0 is an ideal mirror |
+    | k | [0, 20] per channel | its imaginary part |
+
+    Static: distribution, masking_terms, fresnel_terms (1 to 4). With three terms the
+    unedited Fresnel curve of a measured metal errs by at most 0.9 % in any channel, and one
+    metal edited into another by at most 3 % (θd below 80°); with four by 0.2 % and 0.8 %.
+    Frozen: masking_0 …, eta_0, k_0 ….
+    """
+
+    fresnel_terms: int = 3
+
+    name = "cook-torrance-conductor"
+    parameters = (
+        Parameter("color", 1.0, kind="colour", description="multiplies the reflection"),
+        ROUGHNESS,
+        Parameter("eta", 0.0, 0.0, 10.0, kind="colour", description="index of refraction"),
+        Parameter("k", 1.0, 0.0, 20.0, kind="colour", description="extinction coefficient"),
+    )
+    fixed_parameters = (*MASKING_ANCHORS, *CONDUCTOR_ANCHORS)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fresnel_terms not in (1, 2, 3, 4):
+            raise InvalidValue(f"fresnel_terms must be 1 to 4; got {self.fresnel_terms}")
+
+    @property
+    def _fresnel_count(self) -> int:
+        return self.fresnel_terms
+
+    def _fresnel_basis(self, xp: Maths, cos: Any, fixed: Fixed) -> list[Any]:
+        return [
+            fresnel_conductor(xp, cos, fixed[f"eta_{f}"], fixed[f"k_{f}"])
+            for f in range(self.fresnel_terms)
+        ]
+
+    def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
+        anchors = tuple(
+            (float(fixed[f"eta_{f}"]), float(fixed[f"k_{f}"])) for f in range(self.fresnel_terms)
+        )
+        true = np.stack(self._fresnel(numpy_maths, _cosines()[0], values), axis=1)
+        return _conductor_expansion(anchors).weights(true)
+
+    def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
+        pairs = zip(values["eta"], values["k"], strict=True)
+        return [fresnel_conductor(xp, cos, eta, k) for eta, k in pairs]
+
+    def _freeze_fresnel(self, values: Values) -> dict[str, float]:
+        # Green first: its curve is the reference quotient
+        eta, k = values["eta"], values["k"]
+        own = tuple((round(float(eta[c]), 9), round(float(k[c]), 9)) for c in (1, 0, 2))  # type: ignore[arg-type,index]
+        anchors = _conductor_anchors(own, self.fresnel_terms)
+        return {
+            name: value
+            for f, (eta_f, k_f) in enumerate(anchors)
+            for name, value in ((f"eta_{f}", eta_f), (f"k_{f}", k_f))
+        }
+
+
+def _rough(values: Values) -> float:
+    """α for masking: a perfectly smooth surface masks nothing."""
+    alpha = float(values["roughness"])  # type: ignore[arg-type]
+    return alpha if alpha >= SMALLEST_ROUGHNESS else 0.0
+
+
+@lru_cache(maxsize=1)
+def _cosines() -> tuple[Float64, Float64]:
+    """Points in (0, 1] for the fits, the last of them 1, and their spacing as weights."""
+    nodes, weights = np.polynomial.legendre.leggauss(96)
+    return np.append((nodes + 1) / 2, 1.0), np.append(weights / 2, 0.0)
+
+
+def _fresnel_fit_weight(curve: Float64) -> Float64:
+    """Relative error counts, grazing angles less, and normal incidence is pinned."""
+    cos, spacing = _cosines()
+    weight = (cos + 0.02) / (curve + 0.02) ** 2 * (spacing + 1e-9)
+    weight[-1] = 100 * weight.sum()
+    return weight
+
+
+@lru_cache(maxsize=256)
+def _masking_expansion(distribution: Distribution, anchors: tuple[float, ...]) -> Expansion:
+    # Weighted like the energy of uniform light, cosθ dcosθ
+    cos, spacing = _cosines()
+    rows = [masking(numpy_maths, distribution, cos, alpha) for alpha in anchors]
+    return Expansion(stacked(rows), cos * spacing)
+
+
+@lru_cache(maxsize=256)
+def _masking_anchors(distribution: Distribution, first: float, count: int) -> tuple[float, ...]:
+    cos, spacing = _cosines()
+
+    def curves(alphas: tuple[float, ...]) -> Float64:
+        return stacked([masking(numpy_maths, distribution, cos, alpha) for alpha in alphas])
+
+    pool = tuple(
+        alpha
+        for alpha in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+        if abs(alpha - first) > 0.06
+    )
+    family = curves((0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0))
+    # Errors near grazing angles, where little energy goes, weigh less
+    tolerance = 1 / (cos + 1e-3)
+    chosen = choose_anchors(curves((first,)), curves(pool), family, count, cos * spacing, tolerance)
+    return tuple((first, *pool)[index] for index in chosen)
+
+
+@lru_cache(maxsize=256)
+def _dielectric_expansion(anchors: tuple[float, ...]) -> Expansion:
+    rows = [fresnel_dielectric(numpy_maths, _cosines()[0], ior) for ior in anchors]
+    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
+
+
+@lru_cache(maxsize=256)
+def _dielectric_anchors(first: float, count: int) -> tuple[float, ...]:
+    cos, _ = _cosines()
+
+    def curves(iors: tuple[float, ...]) -> Float64:
+        return stacked([fresnel_dielectric(numpy_maths, cos, ior) for ior in iors])
+
+    pool = tuple(
+        ior
+        for ior in (1.05, 1.2, 1.33, 1.5, 1.8, 2.2, 3.0, MIRROR_INDEX)
+        if abs(ior - first) > 0.05
+    )
+    family = curves((1.2, 1.33, 1.5, 1.8, 2.2, 2.5, 3.0))
+    own = curves((first,))
+    tolerance = np.where(cos > 0.17, family, np.inf).mean(axis=0)
+    chosen = choose_anchors(
+        own, curves(pool), family, count, _fresnel_fit_weight(own[0]), tolerance
+    )
+    return tuple((first, *pool)[index] for index in chosen)
+
+
+Index = tuple[float, float]
+
+
+@lru_cache(maxsize=256)
+def _conductor_expansion(anchors: tuple[Index, ...]) -> Expansion:
+    rows = [fresnel_conductor(numpy_maths, _cosines()[0], *index) for index in anchors]
+    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
+
+
+METALS: tuple[Index, ...] = (
+    (0.143, 3.983), (0.375, 2.386), (1.442, 1.603),  # gold
+    (0.2, 3.912), (0.924, 2.452), (1.102, 2.142),  # copper
+    (1.657, 9.224), (0.88, 6.27), (0.521, 4.837),  # aluminium
+    (4.37, 5.206), (2.917, 4.231), (1.655, 3.755),  # chromium
+    (2.95, 3.07), (2.65, 2.8), (0.14, 3.1),  # iron, silver
+)  # fmt: skip
+"""eta, k per channel of metals that edits may ask for (refractiveindex.info, linear RGB)."""
+
+
+CONDUCTOR_POOL: tuple[Index, ...] = (
+    (0.0, 1.0), (1.5, 0.0), (4.4, 3.5), (2.5, 2.5), (1.0, 2.0), (0.15, 2.5), (1.4, 1.6),
+)  # fmt: skip
+"""Unlike Fresnel curves: an ideal mirror, glass, and strongly to weakly absorbing metals."""
+
+
+@lru_cache(maxsize=256)
+def _conductor_anchors(own: tuple[Index, ...], count: int) -> tuple[Index, ...]:
+    cos, _ = _cosines()
+
+    def curves(indices: tuple[Index, ...]) -> Float64:
+        return stacked([fresnel_conductor(numpy_maths, cos, *index) for index in indices])
+
+    own = tuple(dict.fromkeys(own))
+    pool = tuple(index for index in CONDUCTOR_POOL if index not in own)
+    start, family = curves(own), curves(METALS)
+    tolerance = np.where(cos > 0.17, 1.0, np.inf)
+    chosen = choose_anchors(
+        start, curves(pool), family, count, _fresnel_fit_weight(start[0]), tolerance
+    )
+    return tuple((*own, *pool)[index] for index in chosen)
