@@ -1,5 +1,201 @@
-"""burnish: edit materials in the finished scene, with every bounce of light answering."""
+"""burnish: edit materials in the finished scene, with every bounce of light answering.
 
+>>> import burnish
+>>> scene = burnish.load("cornell-box")                              # doctest: +SKIP
+>>> bundle = burnish.bake(scene, series=(64, 1, 1, 1), spp=256)      # doctest: +SKIP
+>>> session = burnish.edit(bundle)                                   # doctest: +SKIP
+>>> session.set("back.diffuse.color", (0.6, 0.1, 0.1))               # doctest: +SKIP
+>>> image = session.frame()                                          # doctest: +SKIP
+>>> truth = burnish.path_trace(scene, session.materials, spp=1024)   # doctest: +SKIP
+
+Importing burnish imports no ray tracer; the functions here do, when they need one. Bad
+input raises a `burnish.core.errors.BurnishError` whose message says what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from burnish.core.errors import BurnishError
 from burnish.core.version import __version__
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    from burnish.app.comparison import Comparison
+    from burnish.core.types import Float32, Progress
+    from burnish.scene import Scene
+    from burnish.session import Session
+    from burnish.store.bundle import Bundle
+    from burnish.transport.basis import State
+
+__all__ = [
+    "BurnishError",
+    "__version__",
+    "bake",
+    "compare_with_truth",
+    "edit",
+    "load",
+    "open_bundle",
+    "path_trace",
+]
+
+
+def load(
+    scene: str | Path | Mapping[str, Any],
+    editable: Sequence[str] | None = None,
+    variant: str | None = None,
+    *,
+    resolution: tuple[int, int] | None = None,
+    by_bsdf: bool = False,
+    **parameters: object,
+) -> Scene:
+    """Load a scene: a Mitsuba 3 XML file, a Mitsuba dictionary or an example's name.
+
+    editable: ids of the objects to keep editable, all that can be without it. variant:
+    Mitsuba variant, chosen by itself without it. resolution: width and height in pixels
+    instead of the films' own. by_bsdf: one object for all shapes that share a BSDF.
+    parameters: values for `$name` in the file.
+
+    >>> scene = burnish.load("kitchen.xml", resolution=(640, 360))   # doctest: +SKIP
+    >>> [item.id for item in scene.editable()]                       # doctest: +SKIP
+
+    Raises MissingFile, SceneError with the place in the file, UnknownName, DeviceError,
+    MissingRayTracer.
+    """
+    from burnish.scene import load
+
+    return load(scene, editable, variant, resolution=resolution, by_bsdf=by_bsdf, **parameters)
+
+
+def bake(
+    scene: Scene,
+    path: str | Path | None = None,
+    *,
+    editable: Sequence[str] | None = None,
+    series: Sequence[int] | None = None,
+    bins: Mapping[str, int] | None = None,
+    spp: int | None = None,
+    minutes: float | None = None,
+    seed: int = 0,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Bundle:
+    """Trace a scene once, so that its materials can be edited from then on.
+
+    path: where the bundle goes; a temporary one, gone with the process, without it.
+    series: bins per bounce from the eye, (64, 1, 1, 1) without it. bins: other numbers of
+    bins by object id or "object.layer". spp: samples per pixel, 256 without `minutes`, which
+    spends about that long instead. resume: go on with an interrupted bake of the same path,
+    with its settings. progress: called with the fraction done and what is being done.
+
+    >>> burnish.bake(scene, "out.burnish", series=(128, 8, 1), minutes=20)   # doctest: +SKIP
+
+    Raises InvalidValue, UnknownName, TooLarge before anything is traced, BundleError,
+    CannotWrite.
+    """
+    from burnish.app.baking import bake
+    from burnish.precompute.plan import basis_for
+
+    if path is None:
+        import atexit
+        import shutil
+        import tempfile
+
+        folder = tempfile.mkdtemp(prefix="burnish-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        path = Path(folder) / f"{scene.name}.burnish"
+    chosen = any(option is not None for option in (editable, series, bins))
+    basis = basis_for(scene, editable, series or (64, 1, 1, 1), bins)
+    return bake(
+        scene,
+        basis if chosen or not resume else None,
+        path,
+        spp=spp,
+        minutes=minutes,
+        seed=seed,
+        resume=resume,
+        progress=progress,
+    )
+
+
+def open_bundle(path: str | Path) -> Bundle:
+    """Open what `bake` wrote; needs no ray tracer.
+
+    >>> burnish.open_bundle("out.burnish").info()["series"]          # doctest: +SKIP
+
+    Raises MissingFile, BundleError.
+    """
+    from burnish.app.opening import open_bundle
+
+    return open_bundle(path)
+
+
+def edit(source: Bundle | str | Path) -> Session:
+    """Begin editing a bundle, or what `bake` wrote at a path; needs no ray tracer.
+
+    >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
+    >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP
+
+    Raises MissingFile, BundleError.
+    """
+    from burnish.app.opening import session_for
+
+    return session_for(open_bundle(source) if isinstance(source, (str, Path)) else source)
+
+
+def path_trace(
+    scene: Scene,
+    materials: State | None = None,
+    *,
+    view: str | None = None,
+    spp: int = 256,
+    seed: int = 0,
+    bounces: int | None = None,
+    progress: Progress | None = None,
+) -> Float32:
+    """The truth: Mitsuba's path tracer on the scene with edited materials.
+
+    materials: a session's `materials`; the scene's own without it. view: the first without a
+    name. bounces: scattering events per path, all without a number; a bundle of series
+    (64, 1, 1, 1) has 4. Returns float32 [height, width, 3], linear RGB.
+
+    >>> burnish.path_trace(scene, session.materials, spp=1024)       # doctest: +SKIP
+
+    Raises UnknownName, InvalidValue.
+    """
+    from burnish.reference.truth import PathTracedTruth
+
+    name = scene.view(view).name
+    return PathTracedTruth(scene, bounces).render(materials or {}, name, spp, seed, progress)
+
+
+def compare_with_truth(
+    session: Session,
+    scene: Scene,
+    *,
+    view: str | None = None,
+    spp: int = 256,
+    seed: int = 1,
+    bounces: int | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Hold a session's picture against the path tracer given the same materials.
+
+    Takes what `path_trace` takes. The result has both pictures, their figures and a sheet:
+
+    >>> found = burnish.compare_with_truth(session, scene, bounces=4)   # doctest: +SKIP
+    >>> found.numbers["rel_rmse_beyond_noise"]                          # doctest: +SKIP
+    >>> found.sheet().save("sheet.png")                                 # doctest: +SKIP
+    """
+    from burnish.app.comparison import compare_with_truth
+    from burnish.reference.truth import PathTracedTruth
+
+    return compare_with_truth(
+        session,
+        PathTracedTruth(scene, bounces),
+        view=view,
+        spp=spp,
+        seed=seed,
+        progress=progress,
+    )

@@ -46,7 +46,9 @@ def parse_bins(text: str | None) -> dict[str, int]:
     for part in split_list(text):
         name, equals, count = part.partition("=")
         if not (equals and name.strip() and count.strip().isdecimal()):
-            raise InvalidValue(f"--bins takes OBJECT=NUMBER,…, like teapot=256,tray=16; got {part!r}")
+            raise InvalidValue(
+                f"--bins takes OBJECT=NUMBER,…, like teapot=256,tray=16; got {part!r}"
+            )
         result[name.strip()] = int(count)
     return result
 
@@ -57,6 +59,16 @@ def parse_series(text: str) -> tuple[int, ...]:
     if not parts or not all(part.isdecimal() for part in parts):
         raise InvalidValue(f"--series takes whole numbers, like 64,1,1,1; got {text!r}")
     return tuple(int(part) for part in parts)
+
+
+def parse_resolution(text: str | None) -> tuple[int, int] | None:
+    """Width and height in pixels: "640x360". Raises InvalidValue."""
+    if text is None:
+        return None
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal()):
+        raise InvalidValue(f"--resolution takes WIDTHxHEIGHT, like 640x360; got {text!r}")
+    return int(width), int(height)
 
 
 def split_list(text: str | None) -> list[str]:

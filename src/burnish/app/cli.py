@@ -114,6 +114,9 @@ Examples:
     metavar="T",
     help="Spend about this long; a timed pilot fixes the samples.",
 )
+@click.option(
+    "--resolution", metavar="WxH", help="Pixels of every view, instead of the scene's own."
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Other samples, other noise.")
 @click.option("--resume", is_flag=True, help="Go on with a bake that was interrupted.")
 def bake(**options: Any) -> None:
@@ -140,7 +143,12 @@ Examples:
     show_default=True,
     help="Samples per pixel of a path-traced SCENE; a bundle needs none.",
 )
-@click.option("--seed", type=int, default=0, help="Of a path-traced SCENE.")
+@click.option(
+    "--resolution",
+    metavar="WxH",
+    help="Pixels of every view of a path-traced SCENE, instead of its own.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of a path-traced SCENE.")
 @click.option(
     "--exposure", type=float, default=0.0, show_default=True, help="Stops; of a PNG alone."
 )
@@ -169,7 +177,11 @@ Examples:
     show_default=True,
     help="Samples per pixel of the truth.",
 )
-@click.option("--seed", type=int, default=1, help="Of the truth.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Of the truth.")
+@click.option(
+    "--all-bounces", is_flag=True, help="Let the truth have more bounces than the bundle has."
+)
+@click.option("--scene", metavar="SCENE", help="Where the bundle's scene is now.")
 @click.option("-o", "--output", metavar="SHEET.png", help="Write ours, truth, FLIP and figures.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def compare(**options: Any) -> None:

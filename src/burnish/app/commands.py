@@ -1,0 +1,242 @@
+"""What the commands do, once their options are read (see `burnish.app.cli`)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import burnish
+from burnish.app import opening
+from burnish.app.assignments import (
+    parse_assignments,
+    parse_bins,
+    parse_resolution,
+    parse_series,
+    split_list,
+)
+from burnish.app.pictures import check_destination, write_picture, write_whole
+from burnish.app.progress import progress_bar
+from burnish.core.errors import InvalidValue
+
+if TYPE_CHECKING:
+    from burnish.session import Session
+
+FIGURES = {
+    "rel_rmse_beyond_noise": "relative RMSE beyond noise",
+    "rel_rmse": "relative RMSE",
+    "noise": "of which noise of the truth",
+    "rmse": "RMSE",
+    "psnr": "PSNR (dB, tone mapped)",
+    "flip": "FLIP (tone mapped)",
+    "mean_image": "mean of the edited picture",
+    "mean_reference": "mean of the truth",
+    "seconds_edit": "seconds to the edited picture",
+    "seconds_reference": "seconds of path tracing",
+}
+
+
+def bake(
+    scene: str,
+    output: str,
+    editable: str | None,
+    bounces: int | None,
+    series: str | None,
+    bins: str | None,
+    spp: int | None,
+    minutes: float | None,
+    resolution: str | None,
+    seed: int,
+    resume: bool,
+) -> None:
+    """`burnish bake`."""
+    from burnish.store.writer import partial_path
+
+    if spp is not None and minutes is not None:
+        raise InvalidValue("give --spp or --minutes, not both: --minutes finds the samples")
+    lengths = parse_series(series) if series else None
+    if bounces is not None:
+        if lengths and len(lengths) != bounces:
+            raise InvalidValue(
+                f"--series {series} has {len(lengths)} bounces and --bounces says {bounces}; "
+                "give one of them"
+            )
+        lengths = lengths or (64, *[1] * (bounces - 1))
+    wanted = parse_bins(bins) or None
+    loaded = burnish.load(scene, resolution=parse_resolution(resolution))
+    try:
+        with progress_bar("bake") as progress:
+            bundle = burnish.bake(
+                loaded,
+                output,
+                editable=split_list(editable) or None,
+                series=lengths,
+                bins=wanted,
+                spp=spp,
+                minutes=minutes,
+                seed=seed,
+                resume=resume,
+                progress=progress,
+            )
+    except KeyboardInterrupt as interruption:
+        if partial_path(output).exists():
+            interruption.add_note(
+                f"stopped; the finished tiles are kept in {partial_path(output)}; go on with: "
+                f"burnish bake {scene} -o {output} --resume"
+            )
+        raise
+    said = bundle.header.provenance
+    click.echo(
+        f"{output}: {len(bundle.basis.objects)} editable objects, series "
+        f"{','.join(map(str, bundle.basis.series))}, {said['samples']} samples per pixel, "
+        f"{bundle.size / 1e6:.1f} MB"
+    )
+
+
+def render(
+    source: str,
+    output: str,
+    view: str | None,
+    edits: str | None,
+    assignments: Sequence[str],
+    spp: int,
+    resolution: str | None,
+    seed: int,
+    exposure: float,
+    tonemap: str,
+) -> None:
+    """`burnish render`."""
+    from burnish.runtime.tonemap import ToneMap
+
+    place, tone = check_destination(output), ToneMap(tonemap, exposure)
+    if opening.names_bundle(source):
+        session = opening.session_for(opening.open_bundle(source))
+        make_edits(session, edits, assignments)
+        # With nothing selected every object is contracted at once
+        session.select()
+        image = session.frame(view)
+    else:
+        scene = burnish.load(source, resolution=parse_resolution(resolution))
+        session = opening.edits_for(scene)
+        make_edits(session, edits, assignments)
+        with progress_bar("path tracing") as progress:
+            image = session.path_trace(view, spp, seed, progress)
+    write_picture(place, image, tone)
+    click.echo(str(place))
+
+
+def compare(
+    source: str,
+    view: str | None,
+    edits: str | None,
+    assignments: Sequence[str],
+    scene: str | None,
+    spp: int,
+    seed: int,
+    all_bounces: bool,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """`burnish compare`."""
+    from burnish.app.comparison import compare_with_truth
+    from burnish.reference import PathTracedTruth
+
+    place = check_destination(output) if output else None
+    if place and place.suffix.lower() != ".png":
+        raise InvalidValue(f"the sheet is a PNG; got {output!r}")
+    if opening.names_bundle(source):
+        bundle = opening.open_bundle(source)
+        loaded = opening.scene_of(bundle, scene)
+    else:
+        loaded = burnish.load(source)
+        with progress_bar("bake") as progress:
+            bundle = burnish.bake(loaded, spp=spp, progress=progress)
+    session = opening.session_for(bundle)
+    make_edits(session, edits, assignments)
+    tracer = PathTracedTruth(loaded, None if all_bounces else bundle.basis.bounces)
+    with progress_bar("path tracing") as progress:
+        found = compare_with_truth(
+            session, tracer, view=view, spp=spp, seed=seed, progress=progress
+        )
+    if place:
+        page = found.sheet()
+        write_whole(place, lambda beside: page.save(beside, format="PNG"))
+    if as_json:
+        click.echo(json.dumps(found.numbers, indent=2))
+        return
+    for name, label in FIGURES.items():
+        click.echo(f"{label:32}{found.numbers[name]:10.4g}")
+    if place:
+        click.echo(str(place))
+
+
+def info(source: str, as_json: bool) -> None:
+    """`burnish info`."""
+    if opening.names_bundle(source):
+        said = opening.open_bundle(source).info()
+    else:
+        from burnish.app.baking import describe
+        from burnish.transport.basis import Basis, EditableObject
+
+        scene = burnish.load(source)
+        objects = tuple(
+            EditableObject(item.id, item.material) for item in scene.objects if item.material
+        )
+        said = describe(scene, Basis(objects, (64, 1, 1, 1))).info()
+    click.echo(json.dumps(said, indent=2) if as_json else "\n".join(describe_info(said)))
+
+
+def examples() -> None:
+    """`burnish examples`."""
+    from burnish.scene.examples import EXAMPLES
+
+    width = max(len(example.name) for example in EXAMPLES)
+    for example in EXAMPLES:
+        click.echo(f"{example.name:{width}}  {example.description}")
+
+
+def make_edits(session: Session, edits: str | None, assignments: Sequence[str]) -> None:
+    """Make the edits of a file, then those of the command line."""
+    parsed = parse_assignments(assignments)
+    if edits is not None:
+        session.load(edits)
+    for path, value in parsed:
+        session.set(path, value)
+
+
+def describe_info(said: dict[str, Any]) -> list[str]:
+    """`info` for reading: one line an object and a parameter."""
+    lines = [f"{said['name']}"]
+    lines += [
+        f"  view {view['name']}: {view['width']} × {view['height']} pixels"
+        for view in said["views"]
+    ]
+    lines.append(f"  series {','.join(map(str, said['series']))}, {said['bounces']} bounces")
+    if "bytes" in said:
+        lines.append(f"  {said['bytes'] / 1e6:.1f} MB on disk")
+    for item in said["objects"]:
+        if not item["editable"]:
+            lines.append(f"{item['id']}: fixed, {item.get('reason') or 'not chosen as editable'}")
+            continue
+        lines.append(item["id"])
+        for layer in item["layers"]:
+            lines.append(f"  {layer['name']} ({layer['model']})")
+            width = max((len(name) for name in layer["parameters"]), default=0)
+            lines += [
+                f"    {name:{width}}  {_shown(parameter)}"
+                for name, parameter in layer["parameters"].items()
+            ]
+    return lines
+
+
+def _shown(parameter: dict[str, Any]) -> str:
+    """A parameter's value and what it may be."""
+    value = parameter["value"]
+    if "choices" in parameter:
+        return f"{value}  one of {', '.join(parameter['choices'])}"
+    numbers = value if isinstance(value, list) else [value]
+    text = ",".join(f"{number:.4g}" for number in numbers)
+    unit = f" {parameter['unit']}" if parameter["unit"] else ""
+    return f"{text}{unit}  in [{parameter['min']:g}, {parameter['max']:g}]"

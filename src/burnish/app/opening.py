@@ -1,0 +1,163 @@
+"""From what a user names, a scene or a bundle, to something that can be edited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue, MissingFile
+from burnish.core.types import Float32, Progress
+from burnish.transport.basis import Basis, State
+from burnish.transport.frozen import Frozen
+from burnish.transport.rows import Rows
+
+if TYPE_CHECKING:
+    from burnish.reference.truth import PathTracedTruth
+    from burnish.scene import Scene
+    from burnish.session import Session
+    from burnish.store.bundle import Bundle
+
+
+def names_bundle(source: str | Path) -> bool:
+    """Whether a name is a bundle's: it ends in .burnish, or is a folder."""
+    return Path(source).suffix == ".burnish" or Path(source).is_dir()
+
+
+def open_bundle(source: str | Path) -> Bundle:
+    """Open a bundle. Raises MissingFile, BundleError."""
+    from burnish.store.bundle import open_bundle
+
+    return open_bundle(source)
+
+
+def session_for(bundle: Bundle) -> Session:
+    """A session on all views of a bundle; its truth loads the scene when it is first asked."""
+    from burnish.session import ObjectInfo, Session
+
+    materials = {item.id: item.material for item in bundle.basis.objects}
+    objects = [
+        ObjectInfo(
+            item.id,
+            item.id in materials,
+            item.reason,
+            materials[item.id].layers if item.id in materials else (),
+        )
+        for item in bundle.header.objects
+    ]
+    return Session(bundle.views, objects, BundleTruth(bundle), bundle.header.name)
+
+
+def edits_for(scene: Scene) -> Session:
+    """A session on a scene for its edits alone; its pictures come from the path tracer."""
+    from burnish.precompute.plan import basis_for
+    from burnish.reference.truth import PathTracedTruth
+    from burnish.session import ObjectInfo, Session
+
+    basis = basis_for(scene)
+    objects = [
+        ObjectInfo(
+            item.id,
+            item.editable,
+            item.reason,
+            item.material.layers if item.material else (),
+        )
+        for item in scene.objects
+    ]
+    views = {view.name: UntracedView(basis, view.width, view.height) for view in scene.views}
+    return Session(views, objects, PathTracedTruth(scene), scene.name)
+
+
+def scene_of(bundle: Bundle, source: str | Path | None = None) -> Scene:
+    """Load the scene that a bundle was baked from.
+
+    source: where it is now, when the bundle's own note of it does not hold. Raises
+    InvalidValue when it was a dictionary or has changed since, MissingFile, MissingRayTracer.
+    """
+    from burnish.scene import load
+    from burnish.scene.examples import EXAMPLES
+
+    noted = source or bundle.header.provenance.get("scene")
+    if noted is None:
+        raise InvalidValue(
+            f"bundle {str(bundle.path)!r} was baked from a dictionary, which it cannot find again; "
+            "write the scene to a file and bake that"
+        )
+    place: str | Path = noted
+    if source is None and noted not in [example.name for example in EXAMPLES]:
+        place = bundle.path.absolute().parent / noted
+        if not place.is_file():
+            raise MissingFile(
+                f"bundle {str(bundle.path)!r} was baked from {str(place)!r}, which is not there; "
+                "name the scene with --scene"
+            )
+    # The scene's own resolution, then the bundle's, where the bake chose another
+    wanted = bundle.header.provenance.get("scene_hash")
+    view = bundle.header.views[0]
+    for resolution in (None, (view.width, view.height)):
+        scene = load(place, resolution=resolution)
+        if scene.hash == wanted:
+            return scene
+    raise InvalidValue(
+        f"scene {str(noted)!r} has changed since bundle {str(bundle.path)!r} was baked; bake it "
+        "again, or name the scene as it was with --scene"
+    )
+
+
+@dataclass(frozen=True)
+class UntracedView:
+    """A `Transport` that says what can be edited and has no picture to show it in."""
+
+    basis: Basis
+    width: int
+    height: int
+    revision: int = 0
+
+    @property
+    def rows(self) -> Rows:
+        """None are known."""
+        return Rows.empty()
+
+    @property
+    def emission(self) -> Float32:
+        """Black: float32 [height, width, 3]."""
+        return np.zeros((self.height, self.width, 3), np.float32)
+
+    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+        """Raises InvalidValue: nothing has been traced."""
+        raise InvalidValue("the scene has not been baked; bake it first: burnish bake")
+
+
+class BundleTruth:
+    """The `Truth` of a bundle: the path tracer on its scene, loaded when first asked.
+
+    bounces are the bundle's, so that what differs are bins, series and noise alone.
+    """
+
+    def __init__(self, bundle: Bundle, source: str | Path | None = None) -> None:
+        self._bundle = bundle
+        self._source = source
+        self._tracer: PathTracedTruth | None = None
+
+    @property
+    def tracer(self) -> PathTracedTruth:
+        """The path tracer itself. Raises as `scene_of` does."""
+        if self._tracer is None:
+            scene = scene_of(self._bundle, self._source)
+            from burnish.reference.truth import PathTracedTruth
+
+            self._tracer = PathTracedTruth(scene, self._bundle.basis.bounces)
+        return self._tracer
+
+    def render(
+        self,
+        state: State,
+        view: str,
+        spp: int,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Float32:
+        """float32 [height, width, 3], linear RGB."""
+        return self.tracer.render(state, view, spp, seed, progress)
