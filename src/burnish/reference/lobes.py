@@ -49,7 +49,9 @@ class Lobes:
         glossy = sum(lobe.share for lobe in half)
         total = matte + glossy
         cosine = max(COSINE_SHARE, matte / total) if glossy > 0 else 1.0
-        p_mirror = min(mirror / (mirror + total), 1 - COSINE_SHARE) if mirror > 0 else 0.0
+        p_mirror = mirror / (mirror + total) if mirror > 0 else 0.0
+        if total > 0:
+            p_mirror = min(p_mirror, 1 - COSINE_SHARE)
         self.p_mirror = dr.opaque(mi.Float, p_mirror)
         self.p_cosine = dr.opaque(mi.Float, (1 - p_mirror) * cosine)
         self.p_half = dr.opaque(mi.Float, (1 - p_mirror) * (1 - cosine))
