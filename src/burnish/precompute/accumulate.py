@@ -39,14 +39,25 @@ class Rectangle:
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Where each row's values lie in one flat array.
+class Run:
+    """Rows start … stop of one object and kind, `columns` wide, from `offset` on in values."""
 
-    rows are sorted by object and kind, so every (object, kind) is one dense run:
-    runs: (object, indirect, first row, last row + 1, columns, offset in values).
+    object: int
+    indirect: bool
+    start: int
+    stop: int
+    columns: int
+    offset: int
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each row's values lie in one flat array; a value is one RGB triple.
+
+    Rows are sorted by object and kind, so every (object, kind) is one dense run.
     """
 
-    runs: tuple[tuple[int, bool, int, int, int, int], ...]
+    runs: tuple[Run, ...]
     offsets: Int32
     values: int
     tails: int
@@ -64,7 +75,7 @@ class Layout:
             columns = basis.columns(index, indirect)
             step = columns * basis.tails
             offsets[start:stop] = offset + np.arange(stop - start) * step
-            runs.append((index, indirect, start, stop, columns, offset))
+            runs.append(Run(index, indirect, start, stop, columns, offset))
             offset += (stop - start) * step
             start = stop
         return Layout(tuple(runs), offsets, offset, basis.tails)
@@ -73,10 +84,10 @@ class Layout:
         """The flat array as one [rows, columns, tails, 3] view per run."""
         flat = values.reshape(-1, 3)
         return [
-            flat[offset : offset + (stop - start) * columns * self.tails].reshape(
-                stop - start, columns, self.tails, 3
+            flat[run.offset :][: (run.stop - run.start) * run.columns * self.tails].reshape(
+                run.stop - run.start, run.columns, self.tails, 3
             )
-            for _, _, start, stop, columns, offset in self.runs
+            for run in self.runs
         ]
 
 

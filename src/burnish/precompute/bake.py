@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import Progress
 from burnish.precompute.accumulate import STRATA, Accumulator, Rectangle
 from burnish.precompute.plan import check_memory, tiles_for
 from burnish.precompute.prepass import find_rows
@@ -17,8 +15,8 @@ from burnish.precompute.symbolic import SymbolicMaterials
 from burnish.precompute.tracer import Tracer
 from burnish.scene import Scene
 from burnish.transport.basis import Basis
-from burnish.transport.block import Tile
-from burnish.transport.compression import compress_tile
+from burnish.transport.block import Block, Tile
+from burnish.transport.compression import column_scale, compress_tile, protected_tails
 from burnish.transport.rows import Rows
 
 PILOT_TILES = 3
@@ -57,14 +55,22 @@ def plan_views(scene: Scene, basis: Basis, seed: int) -> list[ViewPlan]:
 
 def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: float) -> Tile:
     """Trace one tile to the end and compress it."""
-    rectangle = plan.tiles[number]
-    rows = plan.tile_rows(rectangle)
-    accumulator = Accumulator(plan.tracer, rectangle, rows)
+    rectangle, view = plan.tiles[number], plan.tracer.view
+    basis = plan.tracer.basis
+    accumulator = Accumulator(plan.tracer, rectangle, plan.tile_rows(rectangle))
+    runs = accumulator.layout.runs
     for index, samples in enumerate(strata(spp)):
         accumulator.run(samples, tile_seed(seed, plan.name, number, index))
-    rows, blocks = compress_tile(
-        accumulator.transport(), rows, plan.tracer.basis, plan.tracer.view.width, tolerance
-    )
+    blocks: list[Block] = []
+    protected = protected_tails(basis)
+    for run, T in zip(runs, accumulator.transport(), strict=True):
+        scale = column_scale(basis, run.object, run.indirect)
+        lit = np.flatnonzero(T.reshape(len(T), -1).any(axis=1))
+        which = (run.start + lit).astype(np.int32)
+        blocks += compress_tile(
+            T[lit], accumulator.rows, which, view.width, scale, tolerance, protected
+        )
+    rows, blocks = _drop_unused(accumulator.rows, blocks)
     t = accumulator.target
     return Tile(
         rectangle.x,
@@ -80,12 +86,27 @@ def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: floa
     )
 
 
+def _drop_unused(rows: Rows, blocks: list[Block]) -> tuple[Rows, list[Block]]:
+    """Without the rows that were only a precaution: never seen, and in no block."""
+    used = rows.weight > 0
+    for block in blocks:
+        used[block.rows] = True
+    position = np.cumsum(used) - 1
+    renumbered = [replace(block, rows=position[block.rows].astype(np.int32)) for block in blocks]
+    return rows.select(used), renumbered
+
+
 def strata(spp: int) -> list[int]:
-    """Split a budget into powers of two that are each stratified: at most STRATA, and as
-    few sizes as possible, since each size is a kernel of its own. Rounds up."""
+    """Split a budget into equal powers of four that are each stratified by themselves.
+
+    At most STRATA each, and all of one size, since each size is a kernel of its own.
+    Rounds up.
+    """
     if spp < 1:
         raise InvalidValue(f"spp must be at least 1; got {spp}")
-    size = min(STRATA, 1 << (spp.bit_length() - 1))
+    size = STRATA
+    while size > spp:
+        size //= 4
     return [size] * -(-spp // size)
 
 
@@ -113,5 +134,3 @@ def samples_for(plans: list[ViewPlan], minutes: float, seed: int) -> int:
     spp = int(samples / max(seconds, 1e-9) * minutes * 60 / pixels)
     return max(1, spp if spp < STRATA else spp // STRATA * STRATA)
 
-
-__all__ = ["Path", "Progress", "plan_views", "samples_for", "strata", "tile_seed", "trace_tile"]
