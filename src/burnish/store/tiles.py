@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,7 @@ def read_tile(folder: Path) -> tuple[Tile, list[Pack]]:
         return tile, _packs(a, int(attributes["tails"]))
     except BundleError:
         raise
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001
         # Whatever Zarr and its codecs raise on damaged bytes; they share no base class
         raise BundleError(
             f"{folder}: this tile of the bundle is damaged "
@@ -159,7 +160,7 @@ def _packs(a: dict[str, AnyArray], tails: int) -> list[Pack]:
         return a[name][start : start + count]
 
     packs = []
-    for first, last in zip(cuts[:-1], cuts[1:], strict=True):
+    for first, last in pairwise(cuts):
         if first == last:
             continue
         shape = np.ascontiguousarray(table[first:last, 2:5])

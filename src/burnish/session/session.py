@@ -1,0 +1,430 @@
+"""A session: materials that change, their history, and the pictures that they give."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from burnish.core.colour import colour_from_hex
+from burnish.core.errors import (
+    CannotWrite,
+    InvalidValue,
+    MissingFile,
+    MissingRayTracer,
+    TooLarge,
+    UnknownName,
+)
+from burnish.core.types import Float32, Int32, Progress, Value
+from burnish.materials.coefficients import albedo, conserved
+from burnish.materials.curve import Curve
+from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.runtime.renderer import Renderer
+from burnish.session.edits import checked, checked_weight, edits_from_text, edits_to_text
+from burnish.session.history import History
+from burnish.session.paths import Path as Place
+from burnish.session.paths import resolve
+from burnish.session.pictures import ViewPictures
+from burnish.transport.basis import State, initial_state
+from burnish.transport.frozen import Transport
+from burnish.transport.pack import BlockSource
+from burnish.transport.protocols import Truth
+
+_ALBEDO_SLACK = 1e-3
+
+
+@dataclass(frozen=True)
+class ObjectInfo:
+    """An object of the scene: whether it can be edited, if not why, and its layers."""
+
+    id: str
+    editable: bool = True
+    reason: str = ""
+    layers: tuple[Layer, ...] = ()
+
+
+class Session:
+    """Edit the materials of a scene and see it.
+
+    transports: one for each view, by name; stored blocks are frozen by `runtime.freeze`.
+    objects: all objects of the scene (default: the editable ones). truth: a path tracer,
+    or None. name: shown to the user and written into edits files.
+
+    Not for use from several threads at once.
+
+    >>> session = Session(bundle.views, name="teatray")        # doctest: +SKIP
+    >>> session.set("teapot.specular.roughness", 0.12)         # doctest: +SKIP
+    >>> image = session.frame()                                # doctest: +SKIP
+    >>> session.undo()                                         # doctest: +SKIP
+    True
+    """
+
+    def __init__(
+        self,
+        transports: Mapping[str, Transport | BlockSource],
+        objects: Sequence[ObjectInfo] = (),
+        truth: Truth | None = None,
+        name: str = "",
+    ) -> None:
+        if not transports:
+            raise InvalidValue("a session needs at least one view; got none")
+        self.name = name
+        self.truth = truth
+        self._pictures = {key: ViewPictures(key, value) for key, value in transports.items()}
+        self._basis = next(iter(self._pictures.values())).transport.basis
+        self._materials = {item.id: item.material for item in self._basis.objects}
+        self._objects = tuple(objects) or tuple(
+            ObjectInfo(item.id, layers=item.material.layers) for item in self._basis.objects
+        )
+        self._history = History(initial_state(self._basis.objects))
+        self._selected: tuple[str, ...] = ()
+        self._warned: dict[str, tuple[MaterialState, list[str]]] = {}
+        self._listeners: list[Callable[[], None]] = []
+        self._revision = 0
+
+    # -- what there is ----------------------------------------------------------------------
+
+    @property
+    def objects(self) -> tuple[ObjectInfo, ...]:
+        """All objects of the scene, editable or not."""
+        return self._objects
+
+    @property
+    def views(self) -> Mapping[str, Transport]:
+        """The views by name; the first is the default."""
+        return MappingProxyType({name: view.transport for name, view in self._pictures.items()})
+
+    @property
+    def state(self) -> State:
+        """The state of every editable object's material. States are values: keep them."""
+        return MappingProxyType(dict(self._history.state))
+
+    @property
+    def materials(self) -> State:
+        """The same as `state`."""
+        return self.state
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the state."""
+        return self._revision
+
+    @property
+    def history(self) -> tuple[list[str], int]:
+        """What each step did, oldest first, and how many of them are in force."""
+        return self._history.labels, self._history.position
+
+    def material(self, object_id: str) -> Material | None:
+        """The material of an editable object, else None."""
+        return self._materials.get(object_id)
+
+    def on_change(self, callback: Callable[[], None]) -> Callable[[], None]:
+        """Call `callback` after every change of the state, such as to save automatically.
+
+        Inside a gesture it is called for every change. Returns a function that ends it.
+        """
+        self._listeners.append(callback)
+
+        def end() -> None:
+            if callback in self._listeners:
+                self._listeners.remove(callback)
+
+        return end
+
+    # -- selection --------------------------------------------------------------------------
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """The objects whose edits show at once; editing another one selects it."""
+        return self._selected
+
+    def select(self, *object_ids: str) -> None:
+        """Select objects to edit together; none to select nothing.
+
+        Raises UnknownName; InvalidValue for an object that is not editable, with the
+        reason; TooLarge when so many at a time do not fit, and then keeps the selection.
+        """
+        chosen = tuple(dict.fromkeys(object_ids))
+        for object_id in chosen:
+            self._check_editable(object_id)
+        before, self._selected = self._selected, chosen
+        if len(chosen) > 1:
+            try:
+                self.renderer()
+            except TooLarge:
+                self._selected = before
+                raise
+
+    def pick(self, x: int, y: int, view: str | None = None) -> str | None:
+        """The editable object that covers most of a pixel, or None. Raises InvalidValue."""
+        picture = self._view(view)
+        width, height = picture.transport.width, picture.transport.height
+        if not (0 <= x < width and 0 <= y < height):
+            raise InvalidValue(
+                f"a pixel must lie in [0, {width - 1}] × [0, {height - 1}]; got ({x}, {y})"
+            )
+        index = int(picture.object_map()[y, x])
+        return None if index < 0 else self._basis.objects[index].id
+
+    def object_map(self, view: str | None = None) -> Int32:
+        """Which editable object covers most of each pixel: int32 [height, width].
+
+        Indices into the basis's objects, -1 where none is met directly or in a mirror.
+        """
+        return self._view(view).object_map()
+
+    # -- edits ------------------------------------------------------------------------------
+
+    def get(self, path: str) -> Value:
+        """A parameter's value, such as get("teapot.specular.roughness"). Raises UnknownName."""
+        place = resolve(self._materials, path, "parameter")
+        return self._layer_state(place).values[place.parameter]
+
+    def set(self, path: str, value: object) -> None:
+        """Set a parameter; a colour takes three numbers, one, or "#rrggbb" (sRGB).
+
+        Raises UnknownName with the nearest names, InvalidValue with the range.
+        """
+        place = resolve(self._materials, path, "parameter")
+        material = self._materials[place.object]
+        if isinstance(value, str) and value.startswith("#"):
+            value = colour_from_hex(value)
+        where = f"{place.object}.{place.layer}"
+        accepted = checked(material, place.layer, place.parameter, value, where)
+        layer = self._layer_state(place)
+        self._change_layer(
+            place,
+            replace(layer, values={**layer.values, place.parameter: accepted}),
+            f"Set {path} to {_shown(accepted)}",
+        )
+
+    def set_curve(self, layer_path: str, curve: Curve | None) -> None:
+        """Put a freehand curve on a layer's profile, or take it away. Raises UnknownName."""
+        place = resolve(self._materials, layer_path, "layer")
+        label = f"Drew the curve of {layer_path}" if curve else f"Cleared the curve of {layer_path}"
+        self._change_layer(place, replace(self._layer_state(place), curve=curve), label)
+
+    def set_enabled(self, layer_path: str, enabled: bool) -> None:
+        """Switch a layer on or off. Raises UnknownName."""
+        place = resolve(self._materials, layer_path, "layer")
+        label = f"Switched {layer_path} {'on' if enabled else 'off'}"
+        self._change_layer(place, replace(self._layer_state(place), enabled=bool(enabled)), label)
+
+    def set_weight(self, layer_path: str, weight: float) -> None:
+        """Scale a layer by a number in [0, 100]. Raises UnknownName, InvalidValue."""
+        place = resolve(self._materials, layer_path, "layer")
+        accepted = checked_weight(weight, layer_path)
+        self._change_layer(
+            place,
+            replace(self._layer_state(place), weight=accepted),
+            f"Weighted {layer_path} by {accepted:g}",
+        )
+
+    def set_conserve(self, object_id: str, conserve: bool) -> None:
+        """Link an object's layer weights so that they reflect no more than they receive."""
+        place = resolve(self._materials, object_id, "object")
+        state = replace(self._history.state[place.object], conserve=bool(conserve))
+        label = f"{'Linked' if conserve else 'Unlinked'} the layers of {object_id}"
+        self._change(place.object, state, label)
+
+    def reset(self, path: str | None = None) -> None:
+        """Back to the scene's own: a parameter, a layer, an object, or everything (None)."""
+        if path is None:
+            self._record("Reset everything", initial_state(self._basis.objects))
+            return
+        place = resolve(self._materials, path)
+        initial = self._materials[place.object].initial
+        label = f"Reset {path}"
+        if not place.layer:
+            self._change(place.object, initial, label)
+        elif not place.parameter:
+            self._change_layer(place, initial.layers[place.layer], label)
+        else:
+            layer = self._layer_state(place)
+            original = initial.layers[place.layer].values[place.parameter]
+            self._change_layer(
+                place, replace(layer, values={**layer.values, place.parameter: original}), label
+            )
+
+    def restore(self, state: State, label: str = "Restored a state") -> None:
+        """Make a kept `state` the present one, as one step. Raises UnknownName."""
+        for object_id in self._materials:
+            if object_id not in state:
+                raise UnknownName("object", object_id, state)
+        self._record(label, {object_id: state[object_id] for object_id in self._materials})
+
+    def gesture(self) -> AbstractContextManager[None]:
+        """Everything inside is one step of undo, such as the drag of a slider.
+
+        >>> with session.gesture():                                # doctest: +SKIP
+        ...     for roughness in (0.1, 0.2, 0.3):
+        ...         session.set("teapot.specular.roughness", roughness)
+        """
+        return self._history.gesture()
+
+    def undo(self) -> bool:
+        """Take the last step back; False when there is none."""
+        return self._travel(self._history.undo)
+
+    def redo(self) -> bool:
+        """Make the last undone step again; False when there is none."""
+        return self._travel(self._history.redo)
+
+    # -- pictures ---------------------------------------------------------------------------
+
+    def frame(self, view: str | None = None) -> Float32:
+        """The picture with the present materials: float32 [height, width, 3], linear RGB.
+
+        Light that no edit changes and directly seen emission are in it. Freezes when the
+        selection, another object's material or the transport have changed. Raises
+        UnknownName, TooLarge.
+        """
+        return self.renderer(view).image(self._history.state)
+
+    def renderer(self, view: str | None = None) -> Renderer:
+        """The renderer of the present selection, for gradients."""
+        targets = tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
+        return self._view(view).renderer(targets, self._history.state)
+
+    def path_trace(
+        self,
+        view: str | None = None,
+        spp: int = 256,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Float32:
+        """The path-traced picture of the present materials. Raises MissingRayTracer."""
+        if self.truth is None:
+            raise MissingRayTracer(
+                "path tracing needs the scene and Mitsuba; open the scene itself, where "
+                "Mitsuba can be imported (pip install mitsuba)"
+            )
+        return self.truth.render(
+            dict(self._history.state), self._view(view).name, spp, seed, progress
+        )
+
+    def warnings(self) -> list[str]:
+        """What is odd about the present materials, one line each."""
+        result: list[str] = []
+        for object_id, material in self._materials.items():
+            state = self._history.state[object_id]
+            known = self._warned.get(object_id)
+            if known is None or known[0] != state:
+                known = state, _material_warnings(object_id, material, state)
+                self._warned[object_id] = known
+            result += known[1]
+        return result
+
+    # -- files ------------------------------------------------------------------------------
+
+    def edits_text(self) -> str:
+        """The edits as the text of their file (see `session.edits`)."""
+        return edits_to_text(self._history.state, self._materials, self.name)
+
+    def load_text(self, text: str, where: str = "edits") -> None:
+        """Replace all edits by those of a file's text, as one step.
+
+        Raises InvalidValue, UnknownName, and then changes nothing.
+        """
+        self._record(f"Loaded {where}", edits_from_text(text, self._materials, where))
+
+    def save(self, path: str | Path) -> None:
+        """Write the edits to a small readable file. Raises MissingFile, CannotWrite."""
+        path = Path(path)
+        if not path.parent.is_dir():
+            raise MissingFile(f"{path.parent}: this folder does not exist; create it first")
+        fresh = path.with_name(f".{path.name}-{os.getpid()}")
+        try:
+            try:
+                fresh.write_text(self.edits_text(), "utf-8")
+                os.replace(fresh, path)
+            finally:
+                fresh.unlink(missing_ok=True)
+        except OSError as error:
+            raise CannotWrite(f"{path}: cannot be written ({error.strerror or error})") from error
+
+    def load(self, path: str | Path) -> None:
+        """Replace all edits by those of a file. Raises MissingFile, InvalidValue, UnknownName."""
+        path = Path(path)
+        try:
+            text = path.read_text("utf-8")
+        except UnicodeDecodeError:
+            raise InvalidValue(f"{path}: not a burnish edits file (not UTF-8 text)") from None
+        except OSError as error:
+            raise MissingFile(f"{path}: cannot be read ({error.strerror or error})") from None
+        self.load_text(text, path.name)
+
+    # -- inside -----------------------------------------------------------------------------
+
+    def _view(self, view: str | None) -> ViewPictures:
+        if view is None:
+            return next(iter(self._pictures.values()))
+        if view not in self._pictures:
+            raise UnknownName("view", view, self._pictures)
+        return self._pictures[view]
+
+    def _check_editable(self, object_id: str) -> None:
+        if object_id in self._materials:
+            return
+        for info in self._objects:
+            if info.id == object_id:
+                reason = info.reason or "it was not chosen as editable"
+                raise InvalidValue(f"object {object_id} cannot be edited: {reason}")
+        raise UnknownName("object", object_id, self._materials)
+
+    def _layer_state(self, place: Place) -> LayerState:
+        return self._history.state[place.object].layers[place.layer]
+
+    def _change_layer(self, place: Place, layer: LayerState, label: str) -> None:
+        state = self._history.state[place.object]
+        layers = {**state.layers, place.layer: layer}
+        self._change(place.object, replace(state, layers=layers), label)
+
+    def _change(self, object_id: str, material: MaterialState, label: str) -> None:
+        if object_id not in self._selected:
+            self._selected = (object_id,)
+        self._record(label, {**self._history.state, object_id: material})
+
+    def _record(self, label: str, state: State) -> None:
+        if self._history.record(label, state):
+            self._changed()
+
+    def _travel(self, step: Callable[[], bool]) -> bool:
+        before = self._history.state
+        if not step():
+            return False
+        now = self._history.state
+        changed = [name for name in self._materials if now[name] != before[name]]
+        if len(changed) == 1 and changed[0] not in self._selected:
+            self._selected = (changed[0],)
+        self._changed()
+        return True
+
+    def _changed(self) -> None:
+        self._revision += 1
+        for listener in list(self._listeners):
+            listener()
+
+
+def _material_warnings(object_id: str, material: Material, state: MaterialState) -> list[str]:
+    settled = conserved(material, state)
+    total = sum(albedo(layer, settled.layers[layer.name]) for layer in material.layers)
+    worst = float(np.max(total))
+    if worst <= 1.0 + _ALBEDO_SLACK:
+        return []
+    channel = ("red", "green", "blue")[int(np.argmax(total))]
+    return [
+        f"{object_id} reflects more light than it receives (albedo {worst:.2f} in {channel}): "
+        "lower a colour or weight, or link the layers"
+    ]
+
+
+def _shown(value: Value) -> str:
+    if isinstance(value, tuple):
+        return "(" + ", ".join(f"{item:.4g}" for item in value) + ")"
+    return value if isinstance(value, str) else f"{value:.4g}"
