@@ -1,0 +1,241 @@
+// What the page knows, as signals, and the things a person can do, as functions.
+import { computed, signal } from "@preact/signals";
+import { Connection, type Link } from "./connection";
+import { Kind, type Frame } from "./frames";
+import type {
+  Appearance,
+  CurveData,
+  Curves,
+  FromServer,
+  ObjectData,
+  ObjectValues,
+  Progress,
+  Reference,
+  RGB,
+  SnapshotData,
+  State,
+  Value,
+  Welcome,
+} from "./messages";
+
+export const link = signal<Link>("connecting");
+export const welcome = signal<Welcome | null>(null);
+export const state = signal<State | null>(null);
+export const materials = signal<Record<string, ObjectValues>>({});
+export const curves = signal<Curves | null>(null);
+export const appearance = signal<Appearance | null>(null);
+export const progress = signal<Progress | null>(null);
+export const snapshots = signal<SnapshotData[]>([]);
+export const reference = signal<Reference | null>(null);
+
+export interface Toast {
+  id: number;
+  level: "info" | "warning" | "error";
+  text: string;
+  offer: "" | "recover";
+}
+export const toasts = signal<Toast[]>([]);
+
+/** How the picture is shown; the server takes no part in it. */
+export const exposure = signal(0);
+export const temperature = signal(6500);
+export const tint = signal(0);
+export const pickedWhite = signal<RGB | null>(null);
+export const operator = signal("srgb");
+
+export type Comparison = "off" | "wipe" | "other" | "difference";
+export const comparison = signal<Comparison>("off");
+export const comparedWith = signal("");
+export const wipe = signal(0.5);
+
+export const hovered = signal("");
+export const panelsHidden = signal(false);
+export const helpOpen = signal(false);
+export const histogramOpen = signal(true);
+export const pickingWhite = signal(false);
+export const shownViews = signal<string[]>([]);
+
+export interface Probe {
+  view: string;
+  x: number;
+  y: number;
+  linear: RGB;
+  object: string;
+}
+export const probe = signal<Probe | null>(null);
+export const zoom = signal(1);
+
+export const objects = computed<ObjectData[]>(() => welcome.value?.objects ?? []);
+export const selected = computed<string[]>(() => state.value?.selected ?? []);
+export const selectedObject = computed<ObjectData | null>(
+  () => objects.value.find((item) => item.id === selected.value[0]) ?? null,
+);
+
+type FrameListener = (frame: Frame) => void;
+const listeners = new Set<FrameListener>();
+const latest = new Map<string, Frame>();
+
+/** Be told of every frame, beginning with those that are here; returns how to stop that. */
+export function onFrame(listener: FrameListener): () => void {
+  listeners.add(listener);
+  for (const frame of latest.values()) listener(frame);
+  return () => listeners.delete(listener);
+}
+
+let toastNumber = 0;
+
+/** Words for the user, in a corner. */
+export function say(level: Toast["level"], text: string, offer: Toast["offer"] = ""): void {
+  const id = ++toastNumber;
+  toasts.value = [...toasts.value.filter((t) => t.text !== text), { id, level, text, offer }].slice(-4);
+  if (!offer) setTimeout(() => dismiss(id), level === "error" ? 12000 : 6000);
+}
+
+export function dismiss(id: number): void {
+  toasts.value = toasts.value.filter((t) => t.id !== id);
+}
+
+let run = "";
+
+function onMessage(message: FromServer): void {
+  switch (message.type) {
+    case "Welcome":
+      if (run && run !== message.run) say("info", "The editor was restarted; this is its state now.");
+      run = message.run;
+      if (shownViews.value.length === 0) {
+        shownViews.value = message.views.slice(0, 1).map((v) => v.name);
+      }
+      welcome.value = message;
+      watch();
+      break;
+    case "State":
+      materials.value = { ...materials.value, ...message.materials };
+      state.value = message;
+      break;
+    case "Curves":
+      curves.value = message;
+      break;
+    case "Appearance":
+      appearance.value = message;
+      break;
+    case "Progress":
+      progress.value = message;
+      break;
+    case "Snapshots":
+      snapshots.value = message.items;
+      break;
+    case "Reference":
+      if (message.status === "failed" && reference.value?.status !== "failed") {
+        say("error", `The reference could not be rendered: ${message.text}`);
+      }
+      reference.value = message;
+      break;
+    case "Notice":
+      say(message.level, message.text, message.offer);
+      break;
+    case "Refused":
+      say("warning", message.text);
+      break;
+  }
+}
+
+const connection = new Connection({
+  onMessage,
+  onFrame(frame) {
+    latest.set(`${frame.kind} ${frame.view}`, frame);
+    for (const listener of listeners) listener(frame);
+    // A view that is not mounted yet cannot say so itself, and the next one would wait for it.
+    const name = welcome.value?.views[frame.view]?.name ?? "";
+    if (!mounted.has(name)) shown(frame);
+  },
+  onLink(value) {
+    link.value = value;
+  },
+  onOpen() {},
+});
+
+export const connect = (): void => connection.open();
+
+function watch(): void {
+  connection.send({ type: "Watch", views: shownViews.value });
+}
+
+/** Show these views side by side. */
+export function showViews(names: string[]): void {
+  if (names.length === 0) return;
+  shownViews.value = names;
+  watch();
+}
+
+/** The views that are on the page now and acknowledge their own frames. */
+export const mounted = new Set<string>();
+
+export const shown = (frame: Frame): void => {
+  if (frame.kind === Kind.Picture) connection.send({ type: "Shown", frame: frame.frame });
+};
+
+// -- edits ---------------------------------------------------------------------------------
+
+export const select = (ids: string[]): void => connection.send({ type: "Select", objects: ids });
+
+let dragging = false;
+
+/** A drag begins: what it sets is one step of undo. */
+export function beginDrag(): void {
+  if (!dragging) connection.send({ type: "Gesture", active: true });
+  dragging = true;
+}
+
+export function endDrag(): void {
+  if (dragging) connection.send({ type: "Gesture", active: false });
+  dragging = false;
+}
+
+export const setValue = (path: string, value: Value): void =>
+  connection.sendLatest(`value ${path}`, { type: "SetValue", path, value });
+export const setWeight = (layer: string, weight: number): void =>
+  connection.sendLatest(`weight ${layer}`, { type: "SetWeight", layer, weight });
+export const setCurve = (layer: string, curve: CurveData | null): void =>
+  connection.sendLatest(`curve ${layer}`, { type: "SetCurve", layer, curve });
+export const setEnabled = (layer: string, enabled: boolean): void =>
+  connection.send({ type: "SetEnabled", layer, enabled });
+export const solo = (layer: string): void => connection.send({ type: "Solo", layer });
+export const reset = (path: string | null): void => connection.send({ type: "Reset", path });
+export const undo = (): void => connection.send({ type: "Undo" });
+export const redo = (): void => connection.send({ type: "Redo" });
+export const goTo = (position: number): void => connection.send({ type: "GoTo", position });
+export const inspect = (theta: number): void =>
+  connection.sendLatest("inspect", { type: "Inspect", theta_i: theta });
+export const loadEdits = (text: string): void => connection.send({ type: "LoadEdits", text });
+export const recover = (accept: boolean): void => connection.send({ type: "Recover", accept });
+
+// -- comparing -----------------------------------------------------------------------------
+
+export const takeSnapshot = (label: string, view: string, thumbnail: string): void =>
+  connection.send({ type: "TakeSnapshot", label, view, thumbnail });
+export const restoreSnapshot = (snapshot: number): void =>
+  connection.send({ type: "RestoreSnapshot", snapshot });
+export const forgetSnapshot = (snapshot: number): void =>
+  connection.send({ type: "ForgetSnapshot", snapshot });
+
+export function compareSnapshot(item: SnapshotData): void {
+  connection.send({ type: "CompareSnapshot", snapshot: item.id });
+  comparedWith.value = item.label;
+  comparison.value = "wipe";
+}
+
+export function pathTrace(view: string, spp: number): void {
+  connection.send({ type: "PathTrace", view, spp });
+  comparedWith.value = "Reference";
+  comparison.value = "wipe";
+}
+
+export const cancelPathTrace = (): void => connection.send({ type: "CancelPathTrace" });
+
+/** Fetch a file of the server and hand it to the browser's downloads. */
+export function download(path: string): void {
+  const anchor = document.createElement("a");
+  anchor.href = path;
+  anchor.download = "";
+  anchor.click();
+}

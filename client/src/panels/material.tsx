@@ -1,0 +1,110 @@
+// The selected object: its look, and each layer with its parameters and curve.
+import { useSignal } from "@preact/signals";
+import { Slider } from "../controls/slider";
+import type { LayerInfo, LayerValues } from "../messages";
+import * as model from "../model";
+import { AppearancePanel } from "./appearance";
+import { CurveEditor } from "./curve";
+import { Parameter } from "./parameter";
+
+export function Material() {
+  const object = model.selectedObject.value;
+  if (!object) {
+    return (
+      <section class="panel material" aria-label="Material">
+        <p class="empty">Click an object in the picture or in the list to edit its material.</p>
+      </section>
+    );
+  }
+  const values = model.materials.value[object.id];
+  const warnings = model.state.value?.warnings.filter((text) => text.includes(object.id)) ?? [];
+  const percent = values ? values.albedo.map((x) => Math.round(x * 100)) : [];
+  return (
+    <section class="panel material" aria-label={`Material of ${object.id}`}>
+      <h2>
+        {object.id}
+        {model.selected.value.length > 1 && <small>+{model.selected.value.length - 1} more</small>}
+        <span class="spacer" />
+        <button disabled={!values?.changed} title="Back to the scene's own material" onClick={() => model.reset(object.id)}>
+          Reset
+        </button>
+      </h2>
+      <AppearancePanel />
+      {values && (
+        <p class="albedo" title="Share of the light that is reflected under a uniform sky, by channel">
+          Reflects <b>{new Set(percent).size === 1 ? `${percent[0]} %` : percent.map((p) => `${p} %`).join(" · ")}</b>
+        </p>
+      )}
+      {warnings.map((text) => (
+        <p key={text} class="warning" role="status">
+          {text}
+        </p>
+      ))}
+      {values &&
+        object.layers.map((info) => {
+          const layer = values.layers[info.name];
+          return layer && <Layer key={`${object.id}.${info.name}`} path={`${object.id}.${info.name}`} info={info} values={layer} count={object.layers.length} />;
+        })}
+    </section>
+  );
+}
+
+function Layer({ path, info, values, count }: { path: string; info: LayerInfo; values: LayerValues; count: number }) {
+  const open = useSignal(true);
+  const data = model.curves.value;
+  const curve = data && path.startsWith(`${data.object}.`) ? data.layers.find((l) => l.layer === info.name) : undefined;
+  return (
+    <section class={values.enabled ? "layer" : "layer off"} aria-label={`Layer ${info.name}`}>
+      <h3>
+        <button class="fold" aria-expanded={open.value} aria-label={`${open.value ? "Fold" : "Unfold"} ${info.name}`} onClick={() => (open.value = !open.value)}>
+          {open.value ? "▾" : "▸"}
+        </button>
+        <span title={info.description}>{info.name}</span>
+        <small title={info.description}>{info.model}</small>
+        <span class="spacer" />
+        {count > 1 && (
+          <button title="Only this layer; again for all" onClick={() => model.solo(path)}>
+            Solo
+          </button>
+        )}
+        <label class="switch" title={values.enabled ? "Switch the layer off" : "Switch the layer on"}>
+          <input
+            type="checkbox"
+            role="switch"
+            aria-label={`Layer ${info.name} on`}
+            checked={values.enabled}
+            onChange={(event) => model.setEnabled(path, event.currentTarget.checked)}
+          />
+          <i />
+        </label>
+      </h3>
+      {open.value && (
+        <div class="body">
+          {info.parameters.map((parameter) => (
+            <Parameter
+              key={parameter.name}
+              path={`${path}.${parameter.name}`}
+              info={parameter}
+              value={values.values[parameter.name] ?? parameter.default}
+            />
+          ))}
+          <Slider
+            label="Weight"
+            value={values.weight}
+            initial={1}
+            minimum={0}
+            maximum={100}
+            softMinimum={0}
+            softMaximum={2}
+            tip="Scales the whole layer"
+            onChange={(next) => model.setWeight(path, next)}
+            onBegin={model.beginDrag}
+            onEnd={model.endDrag}
+            onReset={() => model.setWeight(path, 1)}
+          />
+          {curve && <CurveEditor path={path} info={info} data={curve} curve={values.curve} />}
+        </div>
+      )}
+    </section>
+  );
+}

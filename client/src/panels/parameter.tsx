@@ -1,0 +1,67 @@
+// One parameter of a layer: slider, colour or choice, built from its description.
+import { Colour } from "../controls/colour";
+import { Slider } from "../controls/slider";
+import type { ParameterInfo, RGB, Value } from "../messages";
+import * as model from "../model";
+
+/** "specular_ior" as "Specular ior", with the usual capitals. */
+export function label(name: string): string {
+  const words = name.replace(/_/g, " ").replace(/\bior\b/, "IOR");
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
+export function Parameter({ path, info, value }: { path: string; info: ParameterInfo; value: Value }) {
+  const reset = () => model.reset(path);
+  if (info.kind === "colour") {
+    return (
+      <Colour
+        label={label(info.name)}
+        value={value as RGB}
+        initial={info.default as RGB}
+        minimum={info.minimum}
+        maximum={info.maximum}
+        tip={info.description}
+        metals={/spec|color|colour|f0|reflect/i.test(info.name) && !path.includes("diffuse")}
+        onChange={(next) => model.setValue(path, next)}
+        onBegin={model.beginDrag}
+        onEnd={model.endDrag}
+        onReset={reset}
+      />
+    );
+  }
+  if (info.kind === "choice") {
+    return (
+      <div class={value === info.default ? "row" : "row changed"} title={info.description}>
+        <span class="label" onDblClick={reset}>
+          {label(info.name)}
+        </span>
+        <select
+          aria-label={label(info.name)}
+          value={value as string}
+          onChange={(event) => model.setValue(path, event.currentTarget.value)}
+        >
+          {info.choices.map((choice) => (
+            <option key={choice}>{choice}</option>
+          ))}
+        </select>
+      </div>
+    );
+  }
+  return (
+    <Slider
+      label={label(info.name)}
+      value={value as number}
+      initial={info.default as number}
+      minimum={info.minimum}
+      maximum={info.maximum}
+      softMinimum={info.soft_minimum}
+      softMaximum={info.soft_maximum}
+      unit={info.unit}
+      tip={info.description}
+      onChange={(next) => model.setValue(path, next)}
+      onBegin={model.beginDrag}
+      onEnd={model.endDrag}
+      onReset={reset}
+    />
+  );
+}

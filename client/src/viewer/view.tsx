@@ -1,0 +1,357 @@
+// A view: the picture on its canvas, with pan, zoom, hovering, selecting and the wipe.
+import { effect } from "@preact/signals";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { whiteOf } from "../colour";
+import { Kind, type Frame } from "../frames";
+import { HALF } from "../halves";
+import type { RGB, ViewData } from "../messages";
+import * as model from "../model";
+import { Renderer, type Look } from "./renderer";
+import { OPERATORS } from "./shaders";
+
+const COMPARISONS: model.Comparison[] = ["off", "wipe", "other", "difference"];
+const GLOW_MS = 1100;
+const CLICK_PIXELS = 4;
+
+/** What other parts of the page may ask of a shown view. */
+export interface ViewHandle {
+  name: string;
+  fit(): void;
+  actualSize(): void;
+  picture(width: number): HTMLCanvasElement | null;
+  latest(): Frame | null;
+}
+export const handles = new Map<string, ViewHandle>();
+
+/** The factor on each channel: exposure, and a white that is shown as neutral. */
+export function gainOf(): RGB {
+  const white = model.pickedWhite.value ?? whiteOf(model.temperature.value, model.tint.value);
+  const mean = (white[0] + white[1] + white[2]) / 3;
+  const exposure = 2 ** model.exposure.value;
+  return [(exposure * mean) / white[0], (exposure * mean) / white[1], (exposure * mean) / white[2]];
+}
+
+export function View({ data, index }: { data: ViewData; index: number }) {
+  const canvasRef = useRef<HTMLCanvasElement>(null);
+  const [problem, setProblem] = useState("");
+  const [waiting, setWaiting] = useState(true);
+
+  useEffect(() => {
+    const canvas = canvasRef.current;
+    if (!canvas) return;
+    let renderer: Renderer;
+    try {
+      renderer = new Renderer(canvas);
+    } catch (error) {
+      setProblem(error instanceof Error ? error.message : String(error));
+      return;
+    }
+    const controller = new Controller(canvas, renderer, data, index, () => setWaiting(false));
+    handles.set(data.name, controller);
+    model.mounted.add(data.name);
+    return () => {
+      handles.delete(data.name);
+      model.mounted.delete(data.name);
+      controller.close();
+      renderer.close();
+    };
+  }, [data, index]);
+
+  return (
+    <figure class="view" aria-label={`View ${data.name}`}>
+      <canvas ref={canvasRef} tabIndex={0} role="img" aria-label={`Picture of view ${data.name}`} />
+      {problem && <p class="problem" role="alert">{problem}</p>}
+      {waiting && !problem && <p class="waiting" role="status">Waiting for the first picture …</p>}
+      {model.shownViews.value.length > 1 && <figcaption>{data.name}</figcaption>}
+    </figure>
+  );
+}
+
+class Controller implements ViewHandle {
+  readonly name: string;
+  private origin: [number, number] = [0, 0];
+  private scale = 1;
+  private fitted = true;
+  private objects: Uint16Array | null = null;
+  private picture16: Frame | null = null;
+  private waitingToShow: Frame[] = [];
+  private scheduled = false;
+  private glowUntil = 0;
+  private drag: { x: number; y: number; moved: boolean; wiping: boolean } | null = null;
+  private readonly stops: (() => void)[] = [];
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly renderer: Renderer,
+    private readonly data: ViewData,
+    private readonly index: number,
+    private readonly onFirst: () => void,
+  ) {
+    this.name = data.name;
+    this.stops.push(model.onFrame((frame) => this.take(frame)));
+    const observer = new ResizeObserver(() => this.resize());
+    observer.observe(canvas);
+    this.stops.push(() => observer.disconnect());
+    const listen = <K extends keyof HTMLElementEventMap>(
+      kind: K,
+      handler: (event: HTMLElementEventMap[K]) => void,
+    ) => {
+      canvas.addEventListener(kind, handler, { passive: false });
+      this.stops.push(() => canvas.removeEventListener(kind, handler));
+    };
+    listen("wheel", (event) => this.wheel(event));
+    listen("pointerdown", (event) => this.press(event));
+    listen("pointermove", (event) => this.move(event));
+    listen("pointerup", (event) => this.release(event));
+    listen("pointerleave", () => this.leave());
+    listen("dblclick", (event) => event.preventDefault());
+    listen("keydown", (event) => this.key(event));
+    let lastSelected = "";
+    this.stops.push(
+      effect(() => {
+        const now = model.selected.value.join();
+        if (now !== lastSelected) {
+          lastSelected = now;
+          this.glowUntil = performance.now() + GLOW_MS;
+        }
+        // Everything that the look reads; a change of any of it draws anew.
+        gainOf();
+        void [model.operator.value, model.comparison.value, model.wipe.value, model.hovered.value];
+        this.schedule();
+      }),
+    );
+    this.resize();
+  }
+
+  close(): void {
+    for (const stop of this.stops) stop();
+  }
+
+  latest(): Frame | null {
+    return this.picture16;
+  }
+
+  fit(): void {
+    const [w, h] = [this.data.width, this.data.height];
+    const [cw, ch] = [this.canvas.width, this.canvas.height];
+    this.scale = Math.min(cw / w, ch / h);
+    // Whole multiples keep pixels square and equal.
+    if (this.scale > 2) this.scale = Math.floor(this.scale);
+    this.origin = [Math.round((cw - w * this.scale) / 2), Math.round((ch - h * this.scale) / 2)];
+    this.fitted = true;
+    this.zoomed();
+  }
+
+  actualSize(): void {
+    const [cw, ch] = [this.canvas.width, this.canvas.height];
+    this.scale = 1;
+    this.origin = [
+      Math.round((cw - this.data.width) / 2),
+      Math.round((ch - this.data.height) / 2),
+    ];
+    this.fitted = false;
+    this.zoomed();
+  }
+
+  picture(width: number): HTMLCanvasElement | null {
+    return this.renderer.has(Kind.Picture) ? this.renderer.snapshot(this.look(), width) : null;
+  }
+
+  private take(frame: Frame): void {
+    if (frame.view !== this.index) return;
+    if (frame.kind === Kind.Objects) this.objects = frame.pixels;
+    if (frame.kind === Kind.Picture) {
+      this.picture16 = frame;
+      this.waitingToShow.push(frame);
+      this.onFirst();
+    }
+    this.renderer.upload(frame);
+    this.schedule();
+  }
+
+  private schedule(): void {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => {
+      this.scheduled = false;
+      this.renderer.draw(this.look());
+      for (const frame of this.waitingToShow) model.shown(frame);
+      this.waitingToShow = [];
+      if (performance.now() < this.glowUntil) this.schedule();
+    });
+  }
+
+  private look(): Look {
+    const numberOf = (id: string) => model.objects.value.findIndex((item) => item.id === id) + 1;
+    const left = (this.glowUntil - performance.now()) / GLOW_MS;
+    return {
+      origin: this.origin,
+      zoom: this.scale,
+      gain: gainOf(),
+      operator: Math.max(OPERATORS.indexOf(model.operator.value as (typeof OPERATORS)[number]), 0),
+      comparison: COMPARISONS.indexOf(model.comparison.value),
+      wipe: model.wipe.value,
+      hovered: numberOf(model.hovered.value),
+      selected: numberOf(model.selected.value[0] ?? ""),
+      glow: Math.max(Math.min(2 * left, 1), 0),
+      pixelRatio: devicePixelRatio,
+    };
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    const width = Math.max(Math.round(clientWidth * devicePixelRatio), 1);
+    const height = Math.max(Math.round(clientHeight * devicePixelRatio), 1);
+    if (width === this.canvas.width && height === this.canvas.height) return;
+    const [dx, dy] = [(width - this.canvas.width) / 2, (height - this.canvas.height) / 2];
+    this.canvas.width = width;
+    this.canvas.height = height;
+    if (this.fitted) this.fit();
+    else this.origin = [Math.round(this.origin[0] + dx), Math.round(this.origin[1] + dy)];
+    this.renderer.draw(this.look());
+  }
+
+  private zoomed(): void {
+    model.zoom.value = this.scale;
+    this.schedule();
+  }
+
+  private at(event: MouseEvent): [number, number] {
+    const box = this.canvas.getBoundingClientRect();
+    const x = (event.clientX - box.left) * devicePixelRatio;
+    const y = (event.clientY - box.top) * devicePixelRatio;
+    return [(x - this.origin[0]) / this.scale, (y - this.origin[1]) / this.scale];
+  }
+
+  private objectAt(x: number, y: number): string {
+    const [px, py] = [Math.floor(x), Math.floor(y)];
+    if (px < 0 || py < 0 || px >= this.data.width || py >= this.data.height) return "";
+    const number = this.objects?.[py * this.data.width + px] ?? 0;
+    return model.objects.value[number - 1]?.id ?? "";
+  }
+
+  private linearAt(x: number, y: number): RGB | null {
+    const [px, py] = [Math.floor(x), Math.floor(y)];
+    if (px < 0 || py < 0 || px >= this.data.width || py >= this.data.height) return null;
+    const pixels = this.picture16?.pixels;
+    if (!pixels) return null;
+    const i = 3 * (py * this.data.width + px);
+    const value = (k: number) => HALF[pixels[i + k] ?? 0] ?? 0;
+    return [value(0), value(1), value(2)];
+  }
+
+  private wheel(event: WheelEvent): void {
+    event.preventDefault();
+    this.zoomBy(2 ** (-event.deltaY / 240), this.at(event));
+  }
+
+  private zoomBy(factor: number, [px, py]: [number, number]): void {
+    const scale = Math.min(Math.max(this.scale * factor, 0.05), 64);
+    this.origin = [
+      this.origin[0] + px * (this.scale - scale),
+      this.origin[1] + py * (this.scale - scale),
+    ];
+    this.scale = scale;
+    this.fitted = false;
+    this.zoomed();
+  }
+
+  private press(event: PointerEvent): void {
+    const [x] = this.at(event);
+    const nearWipe =
+      model.comparison.value === "wipe" &&
+      Math.abs(x - model.wipe.value * this.data.width) * this.scale < 8 * devicePixelRatio;
+    this.drag = { x: event.clientX, y: event.clientY, moved: false, wiping: nearWipe };
+    try {
+      this.canvas.setPointerCapture(event.pointerId);
+    } catch {
+      // A pointer that has gone by now cannot be captured; the drag ends by itself.
+    }
+  }
+
+  private move(event: PointerEvent): void {
+    const [x, y] = this.at(event);
+    const { drag } = this;
+    if (drag) {
+      const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
+      if (drag.wiping) {
+        model.wipe.value = Math.min(Math.max(x / this.data.width, 0), 1);
+        drag.moved = true;
+        return;
+      }
+      if (drag.moved || Math.hypot(dx, dy) > CLICK_PIXELS) {
+        drag.moved = true;
+        this.origin = [
+          this.origin[0] + dx * devicePixelRatio,
+          this.origin[1] + dy * devicePixelRatio,
+        ];
+        drag.x = event.clientX;
+        drag.y = event.clientY;
+        this.fitted = false;
+        this.zoomed();
+      }
+      return;
+    }
+    const object = this.objectAt(x, y);
+    model.hovered.value = object;
+    const linear = this.linearAt(x, y);
+    model.probe.value = linear
+      ? { view: this.name, x: Math.floor(x), y: Math.floor(y), linear, object }
+      : null;
+    const wiping =
+      model.comparison.value === "wipe" &&
+      Math.abs(x - model.wipe.value * this.data.width) * this.scale < 8 * devicePixelRatio;
+    this.canvas.style.cursor = wiping ? "ew-resize" : model.pickingWhite.value ? "crosshair" : "";
+  }
+
+  private release(event: PointerEvent): void {
+    const { drag } = this;
+    this.drag = null;
+    if (!drag || drag.moved || event.button !== 0) return;
+    const [x, y] = this.at(event);
+    if (model.pickingWhite.value) {
+      const linear = this.linearAt(x, y);
+      model.pickingWhite.value = false;
+      if (linear && Math.min(...linear) > 0) model.pickedWhite.value = linear;
+      else model.say("warning", "That pixel is too dark to be a white.");
+      return;
+    }
+    const object = this.objectAt(x, y);
+    if (!event.shiftKey) {
+      model.select(object ? [object] : []);
+    } else if (object) {
+      const others = model.selected.value.filter((id) => id !== object);
+      const already = others.length < model.selected.value.length;
+      model.select(already ? others : [...others, object]);
+    }
+  }
+
+  private leave(): void {
+    model.hovered.value = "";
+    model.probe.value = null;
+  }
+
+  private key(event: KeyboardEvent): void {
+    const step = 40 * devicePixelRatio;
+    const centre: [number, number] = [this.data.width / 2, this.data.height / 2];
+    const moves: Record<string, [number, number]> = {
+      ArrowLeft: [step, 0],
+      ArrowRight: [-step, 0],
+      ArrowUp: [0, step],
+      ArrowDown: [0, -step],
+    };
+    const by = moves[event.key];
+    if (by) {
+      this.origin = [this.origin[0] + by[0], this.origin[1] + by[1]];
+      this.fitted = false;
+      this.zoomed();
+    } else if (event.key === "+" || event.key === "=") {
+      this.zoomBy(Math.SQRT2, centre);
+    } else if (event.key === "-") {
+      this.zoomBy(Math.SQRT1_2, centre);
+    } else {
+      return;
+    }
+    event.preventDefault();
+  }
+}

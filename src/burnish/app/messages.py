@@ -1,0 +1,438 @@
+"""What the editor's page and its server say to each other.
+
+Every message is a JSON object with a `type` (the class's name below) and its fields. The
+page's types in `client/src/messages.ts` are generated from this file by `client/message_types.py`,
+and the build stops when they differ. Colours are linear RGB, angles degrees, pixels count
+from the picture's top left. Pictures themselves travel in binary (`server/frames.py`).
+
+This module imports only the standard library, so that the page can be built without the
+package installed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+VERSION = 1
+"""Grows when a message changes; a page that speaks another version is asked to reload."""
+
+MAXIMUM_MESSAGE_BYTES = 4 * 1024 * 1024
+"""A longer message from a page closes its connection."""
+
+RGB = tuple[float, float, float]
+Value = float | RGB | str
+
+
+@dataclass(frozen=True)
+class CurveData:
+    """A freehand edit of a layer's profile: values [n, 3] at rising t in [0, 1]."""
+
+    mode: Literal["replace", "gain"]
+    interpolation: Literal["cubic", "linear"]
+    t: tuple[float, ...]
+    values: tuple[RGB, ...]
+
+
+# -- from the page -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ClientMessage:
+    """What every message of a page carries: a number that rises with each one."""
+
+    seq: int
+
+
+@dataclass(frozen=True)
+class Hello(ClientMessage):
+    """First on every connection. client: a page's own name, kept when it reconnects."""
+
+    version: int
+    client: str
+
+
+@dataclass(frozen=True)
+class Watch(ClientMessage):
+    """Which views this page shows; only those are computed for it."""
+
+    views: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Shown(ClientMessage):
+    """A frame has been shown, so the next one may come."""
+
+    frame: int
+
+
+@dataclass(frozen=True)
+class Select(ClientMessage):
+    """Make these objects the edited ones; none deselects."""
+
+    objects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Gesture(ClientMessage):
+    """A drag begins or ends; all its edits are one step of undo."""
+
+    active: bool
+
+
+@dataclass(frozen=True)
+class SetValue(ClientMessage):
+    """Set "object.layer.parameter"."""
+
+    path: str
+    value: Value
+
+
+@dataclass(frozen=True)
+class SetCurve(ClientMessage):
+    """Set or, with null, remove the freehand curve of "object.layer"."""
+
+    layer: str
+    curve: CurveData | None
+
+
+@dataclass(frozen=True)
+class SetEnabled(ClientMessage):
+    """Switch the layer "object.layer" on or off."""
+
+    layer: str
+    enabled: bool
+
+
+@dataclass(frozen=True)
+class SetWeight(ClientMessage):
+    """Scale the layer "object.layer"."""
+
+    layer: str
+    weight: float
+
+
+@dataclass(frozen=True)
+class Solo(ClientMessage):
+    """Leave only this layer of its object on; a second time, all of them."""
+
+    layer: str
+
+
+@dataclass(frozen=True)
+class Reset(ClientMessage):
+    """Back to the scene's own value: a parameter, a layer, an object or, with null, all."""
+
+    path: str | None
+
+
+@dataclass(frozen=True)
+class Undo(ClientMessage):
+    """One step back."""
+
+
+@dataclass(frozen=True)
+class Redo(ClientMessage):
+    """One step forth."""
+
+
+@dataclass(frozen=True)
+class GoTo(ClientMessage):
+    """To a place in the history: 0 is the scene as it was loaded."""
+
+    position: int
+
+
+@dataclass(frozen=True)
+class TakeSnapshot(ClientMessage):
+    """Keep the present look. thumbnail: a data URL of a small picture of it."""
+
+    label: str
+    view: str
+    thumbnail: str
+
+
+@dataclass(frozen=True)
+class RestoreSnapshot(ClientMessage):
+    """Edit on from a kept look."""
+
+    snapshot: int
+
+
+@dataclass(frozen=True)
+class ForgetSnapshot(ClientMessage):
+    """Drop a kept look."""
+
+    snapshot: int
+
+
+@dataclass(frozen=True)
+class CompareSnapshot(ClientMessage):
+    """Send the kept look's picture as the other side of the wipe."""
+
+    snapshot: int
+
+
+@dataclass(frozen=True)
+class PathTrace(ClientMessage):
+    """Path-trace a view with the present materials, in the background."""
+
+    view: str
+    spp: int
+
+
+@dataclass(frozen=True)
+class CancelPathTrace(ClientMessage):
+    """Stop that."""
+
+
+@dataclass(frozen=True)
+class LoadEdits(ClientMessage):
+    """Replace all edits by those of a file's text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Recover(ClientMessage):
+    """Take up, or drop, the edits that an earlier run left behind."""
+
+    accept: bool
+
+
+@dataclass(frozen=True)
+class Inspect(ClientMessage):
+    """What the polar plot shows: light that comes in at `theta_i` degrees from the normal."""
+
+    theta_i: float
+
+
+# -- from the server -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One knob as the page draws it; see `burnish.materials.parameter.Parameter`."""
+
+    name: str
+    kind: Literal["scalar", "colour", "choice"]
+    default: Value
+    minimum: float
+    maximum: float
+    soft_minimum: float
+    soft_maximum: float
+    unit: str
+    choices: tuple[str, ...]
+    description: str
+
+
+@dataclass(frozen=True)
+class LayerInfo:
+    """A layer's fixed side. coordinate: γ's name, "none" without a curve; its maximum is in
+    degrees when the coordinate is an angle."""
+
+    name: str
+    model: str
+    description: str
+    coordinate: str
+    coordinate_maximum: float
+    parameters: tuple[ParameterInfo, ...]
+
+
+@dataclass(frozen=True)
+class ObjectData:
+    """An object of the scene; `reason` says why it cannot be edited."""
+
+    id: str
+    editable: bool
+    reason: str
+    layers: tuple[LayerInfo, ...]
+
+
+@dataclass(frozen=True)
+class ViewData:
+    """A picture's name and size in pixels."""
+
+    name: str
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class LayerValues:
+    """What is set on a layer."""
+
+    values: Mapping[str, Value]
+    curve: CurveData | None
+    enabled: bool
+    weight: float
+
+
+@dataclass(frozen=True)
+class ObjectValues:
+    """What is set on an object. changed: whether it differs from the scene's own material.
+    albedo: the reflected share of the light under a uniform sky, linear RGB."""
+
+    layers: Mapping[str, LayerValues]
+    changed: bool
+    albedo: RGB
+
+
+@dataclass(frozen=True)
+class SnapshotData:
+    """A kept look."""
+
+    id: int
+    label: str
+    thumbnail: str
+
+
+@dataclass(frozen=True)
+class ServerMessage:
+    """What the server sends."""
+
+
+@dataclass(frozen=True)
+class Welcome(ServerMessage):
+    """Answers Hello. path_tracer: why there is none, or "" when there is one.
+    tone_mappings: the names that saved pictures may use."""
+
+    version: int
+    session: str
+    run: str
+    objects: tuple[ObjectData, ...]
+    views: tuple[ViewData, ...]
+    path_tracer: str
+    tone_mappings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class State(ServerMessage):
+    """Everything that edits change. materials holds only objects that changed since the
+    last State of this connection."""
+
+    revision: int
+    selected: tuple[str, ...]
+    materials: Mapping[str, ObjectValues]
+    history: tuple[str, ...]
+    position: int
+    warnings: tuple[str, ...]
+    saved: bool
+
+
+@dataclass(frozen=True)
+class LayerCurve:
+    """A profile at t: as the parameters make it (base) and as edited (result), [n, 3]."""
+
+    layer: str
+    t: tuple[float, ...]
+    base: tuple[RGB, ...]
+    result: tuple[RGB, ...]
+
+
+@dataclass(frozen=True)
+class Curves(ServerMessage):
+    """The curves of the selected object."""
+
+    object: str
+    layers: tuple[LayerCurve, ...]
+
+
+@dataclass(frozen=True)
+class Appearance(ServerMessage):
+    """The selected BRDF by itself: a lit ball (a PNG data URL) and ρ cosθ in the plane of
+    incidence, linear RGB at `theta` degrees from the normal, light from -theta_i."""
+
+    object: str
+    ball: str
+    theta_i: float
+    theta: tuple[float, ...]
+    radiance: tuple[RGB, ...]
+
+
+@dataclass(frozen=True)
+class Progress(ServerMessage):
+    """How far the estimate is. fraction: 0 to 1, below 0 where there is no end."""
+
+    text: str
+    fraction: float
+    frames_per_second: float
+
+
+@dataclass(frozen=True)
+class Snapshots(ServerMessage):
+    """All kept looks."""
+
+    items: tuple[SnapshotData, ...]
+
+
+@dataclass(frozen=True)
+class Reference(ServerMessage):
+    """The path-traced picture. stale: the materials have changed since. metrics: name to
+    number, of the present picture against it."""
+
+    view: str
+    status: Literal["none", "running", "done", "failed"]
+    fraction: float
+    spp: int
+    stale: bool
+    metrics: Mapping[str, float]
+    text: str
+
+
+@dataclass(frozen=True)
+class Notice(ServerMessage):
+    """Words for the user. offer: what a button beside them would do."""
+
+    level: Literal["info", "warning", "error"]
+    text: str
+    offer: Literal["", "recover"] = ""
+
+
+@dataclass(frozen=True)
+class Refused(ServerMessage):
+    """A message that was not carried out, and why; nothing has changed."""
+
+    seq: int
+    text: str
+
+
+FRAME_MAGIC = 0x4E52_5542
+"""First four bytes of a binary message, little endian: "BURN"."""
+
+
+@dataclass(frozen=True)
+class FrameHeader:
+    """The 32 bytes before a picture's pixels: eight little-endian uint32 in this order.
+
+    kind: what it is (0 the picture, 1 the object under each pixel, 2 the other side of a
+    comparison). view: index into Welcome.views. codec: 0 float16 rows, 1 the same with each
+    row's differences split into byte planes and deflated; object numbers are uint16, coded
+    likewise. revision: of the state that the picture shows.
+    """
+
+    magic: int
+    kind: int
+    view: int
+    codec: int
+    width: int
+    height: int
+    frame: int
+    revision: int
+
+
+CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
+    Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetEnabled, SetWeight, Solo,
+    Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot, ForgetSnapshot, CompareSnapshot,
+    PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
+)  # fmt: skip
+
+SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
+    Welcome, State, Curves, Appearance, Progress, Snapshots, Reference, Notice, Refused,
+)  # fmt: skip
+
+SHARED = (
+    CurveData, ParameterInfo, LayerInfo, ObjectData, ViewData, LayerValues, ObjectValues,
+    SnapshotData, LayerCurve, FrameHeader,
+)  # fmt: skip

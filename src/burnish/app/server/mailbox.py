@@ -1,0 +1,148 @@
+"""What waits for one page: the newest frame of each view and the newest of each message.
+
+The engine puts things in from its thread and never waits; the page's connection takes
+them out at its own speed. A page that stalls costs one frame of memory and no time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+from burnish.app.messages import (
+    Appearance,
+    Curves,
+    Notice,
+    ObjectValues,
+    Refused,
+    ServerMessage,
+    State,
+)
+from burnish.app.server.frames import Frame, Kind
+
+FRAMES_IN_FLIGHT = 2
+"""Frames sent and not yet shown; a second one hides the way there and back."""
+_NOTICES = 32
+_SLOW_SECONDS = 0.06
+"""A link on which a frame takes longer than this gets deflated frames."""
+
+
+class Mailbox:
+    """One page's outgoing side. All methods may be called from any thread."""
+
+    def __init__(self, client: str, loop: asyncio.AbstractEventLoop) -> None:
+        self.client = client
+        self._loop = loop
+        self._wake = asyncio.Event()
+        self._lock = threading.Lock()
+        self._views: frozenset[int] = frozenset()
+        self._frames: dict[tuple[Kind, int], Frame] = {}
+        self._messages: dict[type[ServerMessage], ServerMessage] = {}
+        self._words: deque[ServerMessage] = deque(maxlen=_NOTICES)
+        self._state: State | None = None
+        self._stamps: Mapping[str, int] = {}
+        self._sent_stamp = -1
+        self._in_flight: dict[int, float] = {}
+        self.deflate = False
+
+    # -- the engine's side ----------------------------------------------------------------
+
+    def wants(self, view: int) -> bool:
+        """Whether a new frame of the view would go out at once."""
+        with self._lock:
+            return (
+                view in self._views
+                and (Kind.PICTURE, view) not in self._frames
+                and len(self._in_flight) < FRAMES_IN_FLIGHT
+            )
+
+    def watches(self, view: int) -> bool:
+        """Whether the page shows the view."""
+        return view in self._views
+
+    def put_frame(self, frame: Frame) -> None:
+        """Replace the waiting frame of the same kind and view."""
+        with self._lock:
+            self._frames[frame.slot] = frame
+        self._notify()
+
+    def put(self, message: ServerMessage) -> None:
+        """Replace the waiting message of the same type; words to the user queue up."""
+        with self._lock:
+            if isinstance(message, (Notice, Refused)):
+                self._words.append(message)
+            else:
+                self._messages.pop(type(message), None)
+                self._messages[type(message)] = message
+        self._notify()
+
+    def put_state(self, state: State, stamps: Mapping[str, int]) -> None:
+        """Replace the waiting state. stamps: when each object last changed."""
+        with self._lock:
+            self._state, self._stamps = state, stamps
+        self._notify()
+
+    # -- the connection's side ------------------------------------------------------------
+
+    def watch(self, views: frozenset[int]) -> None:
+        """Show these views from now on."""
+        with self._lock:
+            self._views = views
+            self._frames = {slot: f for slot, f in self._frames.items() if slot[1] in views}
+
+    def shown(self, number: int) -> None:
+        """The page has shown a frame."""
+        with self._lock:
+            sent = self._in_flight.pop(number, None)
+            if sent is not None:
+                slow = time.monotonic() - sent > _SLOW_SECONDS * (0.5 if self.deflate else 1.0)
+                self.deflate = slow
+        self._notify()
+
+    def _notify(self) -> None:
+        # The loop is closed when the server is: nobody will read this any more.
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._wake.set)
+
+    async def take(self) -> ServerMessage | Frame:
+        """The next thing to send: words first, then the state, then pictures."""
+        while True:
+            found = self._next()
+            if found is not None:
+                return found
+            await self._wake.wait()
+            self._wake.clear()
+
+    def _next(self) -> ServerMessage | Frame | None:
+        with self._lock:
+            if self._words:
+                return self._words.popleft()
+            if self._state is not None:
+                return self._changed_state()
+            for kind in list(self._messages):
+                if kind not in (Appearance, Curves) or not self._frames:
+                    return self._messages.pop(kind)
+            for slot, frame in self._frames.items():
+                if slot[0] != Kind.PICTURE:
+                    return self._frames.pop(slot)
+                if len(self._in_flight) < FRAMES_IN_FLIGHT:
+                    self._in_flight[frame.number] = time.monotonic()
+                    return self._frames.pop(slot)
+        return None
+
+    def _changed_state(self) -> State:
+        """The waiting state with only the objects that this page has not seen so."""
+        state, self._state = self._state, None
+        assert state is not None
+        changed: dict[str, ObjectValues] = {
+            name: values
+            for name, values in state.materials.items()
+            if self._stamps[name] > self._sent_stamp
+        }
+        self._sent_stamp = max(self._stamps.values(), default=-1)
+        return replace(state, materials=changed)

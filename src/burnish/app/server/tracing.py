@@ -1,0 +1,179 @@
+"""The path-traced reference: passes in a thread of their own, averaged as they come."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from burnish.app.messages import Reference
+from burnish.core.errors import BurnishError, InvalidValue
+from burnish.core.types import Float32, Float64
+from burnish.session import Session
+from burnish.transport.basis import State
+from burnish.transport.protocols import Truth
+
+log = logging.getLogger("burnish.editor")
+
+Picture = tuple[str, Float32]
+_LARGEST_SPP = 65536
+
+
+class _Cancelled(Exception):
+    """Raised through the path tracer's progress when the user has stopped it."""
+
+
+@dataclass
+class _Run:
+    view: str
+    spp: int
+    state: State
+    revision: int
+    done: int = 0
+    halves: tuple[Float64, Float64] | None = None
+    status: str = "running"
+    text: str = ""
+    compared: tuple[int, int] | None = None
+
+
+class Tracing:
+    """Begins, averages and cancels path tracing of the session's state.
+
+    changed: called from the tracing thread with the picture so far, or None when only the
+    figures have changed.
+    """
+
+    def __init__(self, session: Session, changed: Callable[[Picture | None], None]) -> None:
+        self._session = session
+        self._changed = changed
+        self._run: _Run | None = None
+        self._metrics: dict[str, float] = {}
+        self._cancel = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def unavailable(self) -> str:
+        """Why nothing can be path-traced here, or ""."""
+        if self._session.truth is None:
+            return "This bundle was opened without its scene or without a ray tracer."
+        return ""
+
+    @property
+    def image(self) -> Picture | None:
+        """The view and the mean of the passes so far."""
+        run = self._run
+        if run is None or run.halves is None:
+            return None
+        return run.view, _mean(run)
+
+    def begin(self, view: str, spp: int) -> None:
+        """Path-trace the present state. Raises InvalidValue; a run in progress is stopped."""
+        truth = self._session.truth
+        if truth is None:
+            raise InvalidValue(f"no reference: {self.unavailable}")
+        if not 2 <= spp <= _LARGEST_SPP:
+            raise InvalidValue(f"spp must lie in [2, {_LARGEST_SPP}]; got {spp}")
+        self.cancel()
+        if self._thread is not None:
+            self._thread.join()
+        self._cancel.clear()
+        self._metrics = {}
+        run = _Run(view, spp, dict(self._session.state), self._session.revision)
+        self._run = run
+        self._thread = threading.Thread(
+            target=self._trace, args=(truth, run), name="burnish-reference", daemon=True
+        )
+        self._thread.start()
+
+    def cancel(self) -> None:
+        """Stop after the pass in progress."""
+        self._cancel.set()
+
+    def message(self, revision: int) -> Reference:
+        """Where it stands, seen from a revision of the session."""
+        run = self._run
+        if run is None:
+            return Reference("", "none", 0.0, 0, False, {}, "")
+        return Reference(
+            view=run.view,
+            status=run.status,  # type: ignore[arg-type]
+            fraction=run.done / run.spp,
+            spp=run.done,
+            stale=run.revision != revision,
+            metrics={k: v for k, v in self._metrics.items() if math.isfinite(v)},
+            text=run.text,
+        )
+
+    def compare_at_rest(self, revision: int, frame_of: Callable[[str], Picture]) -> None:
+        """Measure the session's picture against the reference, once per pair."""
+        run = self._run
+        if run is None or run.halves is None or run.status == "running":
+            return
+        if run.compared == (revision, run.done):
+            return
+        run.compared = (revision, run.done)
+        from burnish.compare import metrics
+
+        _, image = frame_of(run.view)
+        first, second = (half.astype(np.float32) for half in run.halves)
+        emission = self._session.views[run.view].emission
+        try:
+            figures = metrics(image, (first, second), emission=emission)
+            self._metrics = {
+                name: float(value)
+                for name, value in figures.items()
+                if isinstance(value, (int, float))
+            }
+        except (BurnishError, ArithmeticError) as error:
+            self._metrics = {}
+            run.text = f"The two pictures could not be compared: {error}"
+        self._changed(None)
+
+    def _trace(self, truth: Truth, run: _Run) -> None:
+        """Passes of growing size, each for two independent halves."""
+        sums: list[Float64] = []
+        try:
+            size, number = 1, 0
+            while run.done < run.spp and not self._cancel.is_set():
+                size = max(min(size, (run.spp - run.done) // 2), 1)
+                for half in range(2):
+                    image = truth.render(
+                        run.state,
+                        run.view,
+                        size,
+                        seed=7919 * run.revision + 2 * number + half,
+                        progress=self._check_cancelled,
+                    )
+                    weighted = image.astype(np.float64) * size
+                    if len(sums) < 2:
+                        sums.append(weighted)
+                    else:
+                        sums[half] = sums[half] + weighted
+                number += 1
+                run.done += 2 * size
+                run.halves = sums[0] * (2 / run.done), sums[1] * (2 / run.done)
+                size = min(size * 2, 64)
+                self._changed((run.view, _mean(run)))
+            run.status = "done"
+            run.text = "" if run.done >= run.spp else "stopped"
+        except _Cancelled:
+            run.status, run.text = "done", "stopped"
+        except Exception as error:
+            log.exception("path tracing failed")
+            run.status = "failed"
+            run.text = str(error) if isinstance(error, BurnishError) else repr(error)
+        self._changed(None)
+
+    def _check_cancelled(self, fraction: float, what: str) -> None:
+        if self._cancel.is_set():
+            raise _Cancelled
+
+
+def _mean(run: _Run) -> Float32:
+    assert run.halves is not None
+    first, second = run.halves
+    return ((first + second) * 0.5).astype(np.float32)
