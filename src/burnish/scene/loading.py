@@ -17,13 +17,7 @@ from numpy.typing import NDArray
 
 from burnish.core.errors import InvalidValue, SceneError, UnknownName
 from burnish.scene import examples
-try:
-    from burnish.scene.adapters import Adapted, adapt
-except ModuleNotFoundError:
-    Adapted = Any
-    def adapt(d):
-        class A: material=None; reason="adapters missing"; two_sided=d["type"]=="twosided"; maps={}; edited_bsdf=None
-        return A()
+from burnish.scene.adapters import Adapted, adapt
 from burnish.scene.device import activate
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_light
@@ -39,6 +33,7 @@ class Scene:
     mi_scene: mi.Scene with nothing merged. hash: SHA-256 over all of its inputs.
     object_table: uint32 [largest shape number + 1], from a shape's number in Mitsuba
       (`dr.reinterpret_array(mi.UInt32, si.shape)`) to an index into `objects`.
+    tree, drafts: what `with_bsdfs` builds anew. warnings: what was left out, one line each.
     """
 
     name: str
@@ -50,6 +45,7 @@ class Scene:
     object_table: NDArray[np.uint32]
     tree: Tree
     drafts: tuple[Draft, ...]
+    warnings: tuple[str, ...] = ()
 
     def object(self, object_id: str) -> SceneObject:
         """The object of that id. Raises UnknownName."""
@@ -160,7 +156,7 @@ def _assemble(
     by_bsdf: bool,
     finish: Mapping[str, examples.Finish],
 ) -> Scene:
-    _refuse_media(tree)
+    warnings = _without_media(tree)
     tree.remove_children(0, mi.ObjectType.Integrator)
     sensors = prepare_sensors(tree, resolution)
     drafts = tuple(draft_objects(tree, by_bsdf))
@@ -200,6 +196,7 @@ def _assemble(
         object_table=object_table,
         tree=tree,
         drafts=drafts,
+        warnings=warnings,
     )
     return scene if editable is None else _restricted(scene, editable)
 
@@ -249,13 +246,17 @@ def _restricted(scene: Scene, editable: Sequence[str]) -> Scene:
     return replace(scene, objects=objects)
 
 
-def _refuse_media(tree: Tree) -> None:
-    """Light in a medium is not traced here, and leaving it out would change the picture."""
+def _without_media(tree: Tree) -> tuple[str, ...]:
+    """Take participating media out, as Mitsuba's `path` leaves them out; returns warnings."""
+    warnings = []
     for index in range(len(tree)):
-        if tree.node(index).type == mi.ObjectType.Medium:
-            raise SceneError(
-                f"{tree.place(index)}: participating media are not supported; remove the medium"
+        if tree.children(index, mi.ObjectType.Medium):
+            tree.remove_children(index, mi.ObjectType.Medium)
+            name = tree.id(index) or tree.plugin(index)
+            warnings.append(
+                f"{tree.place(index)}: the medium of {name!r} is left out; only surfaces are traced"
             )
+    return tuple(warnings)
 
 
 def _check_vertices(tree: Tree, draft: Draft, shapes: list[Any]) -> None:
@@ -291,7 +292,7 @@ def _all_shapes(mi_scene: Any) -> list[Any]:
     """Every shape of a scene, those inside shape groups too."""
     found: list[Any] = []
 
-    class Collect(mi.TraversalCallback):  # type: ignore[misc]
+    class Collect(mi.TraversalCallback):
         def put(self, name: str, value: Any, flags: Any, cpptype: Any = None) -> None:
             if isinstance(value, mi.Shape):
                 found.append(value)

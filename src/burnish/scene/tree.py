@@ -147,6 +147,16 @@ class Tree:
                     digest.update(str(value).encode())
         return digest.hexdigest()
 
+    def _named_in(self, message: str) -> str:
+        """The id of the shape whose place an error message names, or ""."""
+        for index in range(len(self)):
+            if self.node(index).type == mi.ObjectType.Shape:
+                place = str(mi.parser.file_location(self.state, self.node(index)))
+                path = self.state.node_paths[index] if self.state.node_paths else ""
+                if (place and place in message) or (path and f'"{path}"' in message):
+                    return self.id(index)
+        return ""
+
     # -- changing -------------------------------------------------------------------------
 
     def add(self, kind: Any, plugin: str) -> int:
@@ -198,17 +208,17 @@ class Tree:
 
     def build(self) -> Any:
         """Make the scene: mi.Scene, nothing merged. Raises SceneError with the place."""
-        with _explained(self.label):
-            # Building marks properties as used, so it works on a copy
-            return mi.parser.instantiate(self.config, mi.parser.ParserState(self.state))
+        state = mi.parser.ParserState(self.state)
+        for node in state.nodes:
+            node.props = _unread(node.props)
+        with _explained(self.label, self):
+            return mi.parser.instantiate(self.config, state)
 
     # -- checks ---------------------------------------------------------------------------
 
     def _check_reachable(self) -> None:
         """A shape whose name another one takes would vanish without a word."""
-        reached = {
-            value for index in range(len(self)) for _, value in self.children(index)
-        }
+        reached = {value for index in range(len(self)) for _, value in self.children(index)}
         for index in range(1, len(self)):
             if self.node(index).type == mi.ObjectType.Shape and index not in reached:
                 raise SceneError(
@@ -237,13 +247,24 @@ class Tree:
         candidates = [folder / given]
         files = self.state.files
         if files:
-            candidates.append(Path(str(files[self.node(index).file_index])).resolve().parent / given)
+            candidates.append(
+                Path(str(files[self.node(index).file_index])).resolve().parent / given
+            )
         candidates.append(Path(str(mi.file_resolver().resolve(given))))
         return next((path.resolve() for path in candidates if path.is_file()), None)
 
 
 def _names_file(name: str, value: object) -> bool:
     return isinstance(value, str) and (name == "filename" or name.endswith("_filename"))
+
+
+def _unread(props: Any) -> Any:
+    """The same properties, none marked as read: those that a plugin does not know then show."""
+    fresh = mi.Properties(props.plugin_name())
+    fresh.set_id(props.id())
+    for name in props:
+        fresh[name] = props[name]
+    return fresh
 
 
 def _spectrum(value: Any) -> dict[str, Any]:
@@ -267,30 +288,36 @@ def _resolving(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _explained(label: str) -> Iterator[None]:
+def _explained(label: str, tree: Tree | None = None) -> Iterator[None]:
     """Turn Mitsuba's exceptions into one-line errors with the place and a remedy."""
     try:
         yield
     except BurnishError:
         raise
     except Exception as error:
-        raise _translated(str(error), label) from error
+        raise _translated(str(error), label, tree) from error
 
 
-def _translated(message: str, label: str) -> BurnishError:
+def _translated(message: str, label: str, tree: Tree | None) -> BurnishError:
     """The error that says in one line what Mitsuba said in several."""
     text = re.sub(r"\[[\w.]+:\d+\]\s*", "", message)
     text = re.sub(r"\x1b\[[\d;]*m", "", text)
     text = re.sub(r"(?:Error w|W)hile loading \"?([^\"\n]*?)\"?(?= \(line|:)", r"\1", text)
-    text = re.sub(r"^At (?=.*\(line \d+)", "", text)
+    text = re.sub(r"^At (?=\S)", "", text)
     text = re.sub(r":\s*\n\s*-\s*", ": ", text)
     text = re.sub(r"\n\s*-\s*", ", ", text)
     text = " ".join(text.split()).rstrip(".")
-    if label not in text:
-        text = f"{label}: {text}"
     unused = re.search(r"unused parameters: (.*)", text)
     if unused:
         return InvalidValue(f"{label} has no parameter {unused[1]}; leave it out")
+    text = re.sub(r"(\. )?Make sure the object with id=\S+ exists", "", text)
+    if "included file" in text:
+        return MissingFile(f"{text.rsplit('<include>: ')[-1]}; put it there or correct its name")
+    name = tree._named_in(message) if tree is not None else ""
+    if name:
+        text = f"object {name!r}: {text}"
+    if label not in text:
+        text = f"{label}: {text}"
     for pattern, remedy in _REMEDIES:
         if re.search(pattern, text):
             return SceneError(f"{text}; {remedy}")
@@ -300,7 +327,6 @@ def _translated(message: str, label: str) -> BurnishError:
 _REMEDIES = (
     (r"undefined parameter", "give it a value (-D name=value) or a <default> in the file"),
     (r"[Uu]nresolved reference", "define an object with that id"),
-    (r"included file", "put the file there or correct its name"),
     (r"Plugin \"[^\"]*\" not found", "check the type's spelling; Mitsuba 3 has no such plugin"),
     (r"unreferenced propert", "remove or correct what the plugin does not know"),
     (r"duplicate ID", "give each object its own id"),

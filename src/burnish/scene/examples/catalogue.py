@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from burnish.core.errors import UnknownName
-from burnish.scene.examples import cornell_box
+from burnish.scene.examples import cornell_box, ring, sphere, teatray
 from burnish.scene.objects import SceneObject
 
 Finish = Callable[[SceneObject], SceneObject]
@@ -43,5 +43,23 @@ EXAMPLES: tuple[Example, ...] = (
         "The Cornell box: seven surfaces, each diffuse with a Blinn-Phong gloss to turn up",
         cornell_box.describe,
         cornell_box.FINISH,
+    ),
+    Example(
+        "teatray",
+        "The Utah teapot on a wooden tray with copper handles, in a room with a window",
+        teatray.describe,
+        teatray.FINISH,
+    ),
+    Example(
+        "ring",
+        "A gold ring on a plane: its inside throws a caustic",
+        ring.describe,
+        ring.FINISH,
+    ),
+    Example(
+        "sphere",
+        "One glossy sphere on a checkered floor between softboxes",
+        sphere.describe,
+        sphere.FINISH,
     ),
 )

@@ -11,10 +11,10 @@ from burnish.scene.examples.geometry import camera, rectangle, rgb
 from burnish.scene.examples.gloss import glossed
 
 WIDTH, HEIGHT, DEPTH = 5.528, 5.488, 5.592
-WHITE = (0.885809, 0.698859, 0.666422)
-RED = (0.570068, 0.0430135, 0.0443706)
-GREEN = (0.105421, 0.37798, 0.076425)
-LIGHT = (18.387, 13.9873, 6.75357)
+WHITE = (0.7295, 0.7355, 0.729)
+RED = (0.611, 0.0555, 0.062)
+GREEN = (0.117, 0.4125, 0.115)
+LIGHT = (30.0, 24.0, 16.0)
 
 FINISH = dict.fromkeys(
     ("floor", "ceiling", "back", "left", "right", "small-box", "large-box"), glossed

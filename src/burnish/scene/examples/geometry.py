@@ -76,31 +76,43 @@ def grid(positions: Float64, normals: Float64, uv: Float64) -> Mesh:
     return Mesh(flat, normals.reshape(-1, 3), uv.reshape(-1, 2), faces.astype(np.int32))
 
 
-def surface_of_revolution(profile: Float64, outward: Float64, segments: int) -> Mesh:
-    """A profile turned around the z axis.
+def swept(path: Float64, sides: Float64, ups: Float64, section: Float64) -> Mesh:
+    """A section moved along a path.
 
-    profile: [n, 2], radius and height. outward: [n, 2], its unit normals in the same plane.
-    uv: angle and position along the profile, both 0 to 1.
+    path: [n, 3]. sides, ups: [n, 3], the unit axes of the section's plane at each point.
+    section: [m, 2], coordinates along side and up. It must turn clockwise (side to the right,
+    up upwards) for outward normals where side × up points back along the path, else
+    anticlockwise.
+    uv: along the section and along the path, 0 to 1.
     """
-    angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
-    around = np.stack([np.cos(angle), np.sin(angle)], -1)
+    ring = section[None, :, :1] * sides[:, None] + section[None, :, 1:] * ups[:, None]
+    positions = path[:, None] + ring
+    along_path = np.gradient(positions, axis=0)
+    along_section = np.gradient(positions, axis=1)
+    _close(along_path, positions, 0)
+    _close(along_section, positions, 1)
+    normals = np.cross(along_section, along_path)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
+    u, v = np.linspace(0, 1, len(section)), np.linspace(0, 1, len(path))
+    uv = np.stack(np.broadcast_arrays(u[None], v[:, None]), -1)
+    return grid(positions, normals, uv)
 
-    def turned(plane: Float64) -> Float64:
-        ring = plane[:, None, :1] * around[None]
-        height = np.broadcast_to(plane[:, None, 1:], (*ring.shape[:2], 1))
-        return np.concatenate([ring, height], -1)
 
-    steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    uv = np.stack(np.broadcast_arrays(angle[None] / (2 * np.pi), along[:, None]), -1)
-    return grid(turned(profile), turned(outward), uv)
+def _close(derivative: Float64, positions: Float64, axis: int) -> None:
+    """Where a direction of a grid returns to its start, difference across the seam."""
+    p, d = np.moveaxis(positions, axis, 0), np.moveaxis(derivative, axis, 0)
+    if np.allclose(p[0], p[-1]):
+        d[0] = d[-1] = (p[1] - p[-2]) / 2
 
 
-def polyline_normals(profile: Float64) -> Float64:
-    """Unit normals of a smooth profile [n, 2], to the right of its direction."""
-    tangent = np.gradient(profile, axis=0)
-    normal = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+def rounded_rectangle(width: float, height: float, radius: float, per_corner: int) -> Float64:
+    """A closed outline [4 · per_corner + 1, 2], anticlockwise, around the origin."""
+    corners = []
+    for quarter, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angle = (quarter + np.linspace(0.0, 1.0, per_corner)) * np.pi / 2
+        centre = np.array([sx * (width / 2 - radius), sy * (height / 2 - radius)])
+        corners.append(centre + radius * np.stack([np.cos(angle), np.sin(angle)], -1))
+    return np.concatenate([*corners, corners[0][:1]])
 
 
 def rectangle(centre: Point, facing: Point, up: Point, width: float, height: float) -> Any:
