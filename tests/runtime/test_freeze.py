@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import chain, combinations
 
 import numpy as np
 import pytest
-from tests.runtime.worlds import basis_of, plain_image, random_world
+from tests.runtime.worlds import basis_of, glossy, plain_image, random_world, shaded
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.materials.layer import LayerState, MaterialState
 from burnish.runtime.freeze import BakedTransport, freeze
 from burnish.runtime.renderer import Renderer
-from burnish.transport.basis import State, initial_state
+from burnish.transport.basis import EditableObject, State, initial_state
 
 SERIES = [(6,), (6, 1), (6, 1, 1, 1), (6, 3), (6, 3, 1), (6, 2, 1, 1)]
 
@@ -35,9 +36,12 @@ def edited(state: State, *ids: str, **values: object) -> dict[str, MaterialState
     return result
 
 
+@pytest.mark.parametrize("lid", [glossy, shaded])
 @pytest.mark.parametrize("series", SERIES)
-def test_every_set_of_targets_gives_the_polynomial(series: tuple[int, ...]) -> None:
-    basis = basis_of(series)
+def test_every_set_of_targets_gives_the_polynomial(
+    series: tuple[int, ...], lid: Callable[[str], EditableObject]
+) -> None:
+    basis = basis_of(series, lid("lid"))
     source, tiles = random_world(basis)
     start = edited(initial_state(basis.objects), "floor", color=(0.7, 0.0, 0.3))
     ids = [item.id for item in basis.objects]
@@ -100,7 +104,7 @@ def test_what_cannot_be_frozen_says_why() -> None:
         freeze(source, (0, 1, 2), state, memory=1000)
 
 
-def test_outgoing_layer_states_are_kept_apart() -> None:
+def test_layers_switched_off_and_weighted() -> None:
     # A layer that is switched off reflects nothing, now and later along the path
     basis = basis_of((6, 1, 1))
     source, tiles = random_world(basis)

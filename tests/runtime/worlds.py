@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from burnish.core.types import Float32, Float64
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.model import Fixed, Values
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.lambert import Lambert
 from burnish.transport.basis import Basis, EditableObject, State
@@ -40,10 +42,40 @@ def matte(name: str) -> EditableObject:
     return EditableObject(name, Material((layer,), state))
 
 
-def basis_of(series: Sequence[int], objects: int = 3) -> Basis:
-    """A few objects, one of them matte."""
-    items = [glossy("box", 6), matte("floor"), glossy("lid", 4)][:objects]
-    return Basis(tuple(items), tuple(series), indirect_bins=2)
+@dataclass(frozen=True)
+class ShadedPhong(BlinnPhong):
+    """Blinn-Phong with what models with masking or a mirror lobe have: outgoing factors and a
+    delta column."""
+
+    name = "shaded-phong"
+
+    def outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64:
+        return (0.2 + 0.5 * cos_theta_o ** (float(values["exponent"]) / 100.0))[:, None]
+
+    def delta(self, values: Values, fixed: Fixed) -> Float64:
+        return np.array(values["color"]) * 0.3
+
+    def delta_outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64:
+        return np.stack([cos_theta_o, 1 - cos_theta_o, cos_theta_o**2], axis=1)
+
+
+def shaded(name: str) -> EditableObject:
+    """An object with every kind of column: plain, with an outgoing factor, delta."""
+    layers = (
+        Layer("diffuse", Lambert(), bins=1),
+        Layer("specular", ShadedPhong(), bins=5, delta=True),
+    )
+    values = {
+        "diffuse": LayerState({"color": (0.1, 0.2, 0.3)}),
+        "specular": LayerState({"color": (0.4, 0.3, 0.2), "exponent": 40.0}),
+    }
+    return EditableObject(name, Material(layers, MaterialState(values)))
+
+
+def basis_of(series: Sequence[int], lid: EditableObject | None = None) -> Basis:
+    """Three objects: a glossy box, a matte floor and a lid (default: glossy)."""
+    items = (glossy("box", 6), matte("floor"), lid or glossy("lid", 4))
+    return Basis(items, tuple(series), indirect_bins=2)
 
 
 def random_tile(
