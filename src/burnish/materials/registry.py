@@ -12,6 +12,10 @@ from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.materials.model import Model
+from burnish.materials.models.ashikhmin_shirley import (
+    AshikhminShirleyRatio,
+    AshikhminShirleyWidth,
+)
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import (
     CookTorrance,
@@ -30,6 +34,8 @@ MODELS: dict[str, type[Model]] = {
         CookTorranceDielectric,
         CookTorranceConductor,
         PlasticBase,
+        AshikhminShirleyRatio,
+        AshikhminShirleyWidth,
     )
 }
 

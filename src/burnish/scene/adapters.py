@@ -151,7 +151,9 @@ class _Reader:
 
     def texture(self, name: str) -> Description:
         """The description of a colour's texture."""
-        texture: Description = self.description[name]
+        texture = self.description[name]
+        if not isinstance(texture, Mapping):
+            raise _Fixed(f"its {name} is a ready-made Mitsuba object")
         if texture["type"] in ("mesh_attribute", "volume"):
             raise _Fixed(f"its {name} is a '{texture['type']}'")
         return texture

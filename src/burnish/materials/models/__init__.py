@@ -1,0 +1,1 @@
+"""One reflectance model per file, and what several of them share."""

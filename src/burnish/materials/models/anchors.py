@@ -9,7 +9,7 @@ gathered per lane inside a kernel, and the functions stay closed forms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -39,10 +39,9 @@ class Expansion:
         """w_k of functions sampled at the n points, float64 [n, …]: float64 [k, …]."""
         return np.asarray(self._solve @ samples)
 
-    def worst_error(self, members: Float64, tolerance: Float64) -> float:
-        """The largest error over members float64 [m, n], in units of `tolerance` [n or m, n]."""
-        fitted = self.weights(members.T).T @ self.anchors
-        return float(np.max(np.abs(fitted - members) / tolerance))
+    def error(self, members: Float64) -> Float64:
+        """Fit minus truth of members float64 [m, n]: float64 [m, n]."""
+        return np.asarray(self.weights(members.T).T @ self.anchors - members)
 
 
 def choose_anchors(
@@ -51,26 +50,25 @@ def choose_anchors(
     family: Float64,
     count: int,
     weight: Float64,
-    tolerance: Float64,
-    own_share: float = 5.0,
+    worst: Callable[[Float64], float],
 ) -> list[int]:
     """Which rows of [own; candidates] span best; indices into that stack, `count` of them.
 
     own: float64 [a, n], where the layer starts (several for colour channels); candidates:
-    float64 [b, n]; family: float64 [m, n], what edits may ask for. Minimises
-    own_share · (worst error of own) + (worst error of family), by trying all choices that
-    start with one of `own`.
+    float64 [b, n]; family: float64 [m, n], what edits may ask for; worst: the size of the
+    errors float64 [m, n] of the family. Among all choices that start with one of `own`,
+    takes the one with the least sum of the family's worst error and five times the largest
+    error of `own`.
     """
     stack = np.concatenate([own, candidates])
     best: tuple[float, list[int]] = (np.inf, [])
     for first in range(len(own)):
-        others = [index for index in range(len(stack)) if index > first]
-        for rest in combinations(others, count - 1):
+        for rest in combinations(range(first + 1, len(stack)), count - 1):
             chosen = [first, *rest]
             expansion = Expansion(stack[chosen], weight)
-            error = own_share * expansion.worst_error(own, tolerance)
+            error = 5 * float(np.abs(expansion.error(own)[:, weight > 0]).max())
             if error < best[0]:
-                error += expansion.worst_error(family, tolerance)
+                error += worst(expansion.error(family))
             if error < best[0]:
                 best = (error, chosen)
     return best[1]

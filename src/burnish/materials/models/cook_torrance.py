@@ -13,8 +13,8 @@ So q_k = F(θd; v_f) G1(θi; α_m) G1(θo; α_0) / (4 cosθi cosθo), with k = f
 and s(θo) = G1(θo; α) / G1(θo; α_0). Both expansions are exact for what a layer starts with,
 except where three colour channels of a conductor ask for more functions than there are.
 
-Largest error of the directional albedo for α from 0.05 to 0.6 and θo up to 80°: 1.2 % with
-two masking terms, 0.7 % with three; frozen masking errs by up to 49 %.
+Largest error of the directional albedo for α from 0.05 to 0.6 and θo up to 80°: 2.6 % with
+two masking terms; with masking frozen, up to 49 %.
 
 A perfectly smooth surface (roughness below 0.001) is a delta lobe, color · F(θo).
 """
@@ -25,7 +25,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,15 +33,26 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import Float64
 from burnish.materials.maths import Maths, dot, half_vector, numpy_maths, theta_half
 from burnish.materials.model import Fixed, Model, Values
-from burnish.materials.models.anchors import Expansion, choose_anchors, stacked
+from burnish.materials.models.expansions import (
+    conductor_anchors,
+    conductor_expansion,
+    cosines,
+    dielectric_anchors,
+    dielectric_expansion,
+    masking_anchors,
+    masking_expansion,
+)
 from burnish.materials.models.optics import (
     SMALLEST_ROUGHNESS,
     Distribution,
+    first_reflectance,
     fresnel_conductor,
     fresnel_dielectric,
     masking,
     microfacet_density,
+    schlick_basis,
     schlick_weight,
+    schlick_weights,
 )
 from burnish.materials.parameter import Parameter
 
@@ -112,7 +122,7 @@ class _Microfacets(Model):
     def freeze(self, values: Values) -> dict[str, float]:
         alpha = _rough(values)
         names = [item.name for item in MASKING_ANCHORS]
-        anchors = _masking_anchors(self.distribution, round(alpha, 9), self.masking_terms)
+        anchors = masking_anchors(self.distribution, round(alpha, 9), self.masking_terms)
         return {**dict(zip(names, anchors, strict=False)), **self._freeze_fresnel(values)}
 
     def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:
@@ -129,9 +139,8 @@ class _Microfacets(Model):
 
     def amplitudes(self, values: Values, fixed: Fixed) -> Float64:
         anchors = tuple(float(fixed[f"masking_{m}"]) for m in range(self.masking_terms))
-        cos, _ = _cosines()
-        alpha = _rough(values)
-        expansion = _masking_expansion(self.distribution, anchors)
+        cos, alpha = cosines(), _rough(values)
+        expansion = masking_expansion(self.distribution, anchors)
         g = expansion.weights(masking(numpy_maths, self.distribution, cos, alpha))
         fresnel = self._fresnel_weights(values, fixed) * np.asarray(self._tint(values))
         return np.asarray((fresnel[:, None, :] * g[None, :, None]).reshape(self.rank, 3))
@@ -207,25 +216,20 @@ class CookTorrance(_Microfacets):
         return (1.0, 1.0, 1.0)
 
     def _fresnel_basis(self, xp: Maths, cos: Any, fixed: Fixed) -> list[Any]:
-        grazing = schlick_weight(cos)
-        return [fixed["f0"] + (1 - fixed["f0"]) * grazing, grazing]
+        return schlick_basis(cos, fixed["f0"])
 
     def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
-        f0, first = np.asarray(values["color"], np.float64) * np.ones(3), float(fixed["f0"])
-        ratio = f0 / first
-        return np.stack([ratio, (1 - f0) - ratio * (1 - first)])
+        return schlick_weights(values["color"], float(fixed["f0"]))
 
     def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
         grazing = schlick_weight(cos)
         return [f0 + (1 - f0) * grazing for f0 in values["color"]]
 
     def _freeze_fresnel(self, values: Values) -> dict[str, float]:
-        return {"f0": min(1.0, max(0.02, float(np.mean(values["color"]))))}  # type: ignore[arg-type]
+        return {"f0": first_reflectance(values["color"])}
 
 
 DIELECTRIC_ANCHORS = tuple(Parameter(f"ior_{f}", 1.5, 1.0, 1e4) for f in range(3))
-MIRROR_INDEX = 1e4
-"""An index of refraction that reflects practically everything."""
 
 
 @dataclass(frozen=True)
@@ -268,15 +272,15 @@ class CookTorranceDielectric(_Microfacets):
 
     def _fresnel_weights(self, values: Values, fixed: Fixed) -> Float64:
         anchors = tuple(float(fixed[f"ior_{f}"]) for f in range(self.fresnel_terms))
-        cos, _ = _cosines()
+        cos = cosines()
         true = fresnel_dielectric(numpy_maths, cos, float(values["ior"]))  # type: ignore[arg-type]
-        return np.repeat(_dielectric_expansion(anchors).weights(true)[:, None], 3, axis=1)
+        return np.repeat(dielectric_expansion(anchors).weights(true)[:, None], 3, axis=1)
 
     def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
         return [fresnel_dielectric(xp, cos, values["ior"])] * 3
 
     def _freeze_fresnel(self, values: Values) -> dict[str, float]:
-        anchors = _dielectric_anchors(round(float(values["ior"]), 9), self.fresnel_terms)  # type: ignore[arg-type]
+        anchors = dielectric_anchors(round(float(values["ior"]), 9), self.fresnel_terms)  # type: ignore[arg-type]
         return {f"ior_{f}": ior for f, ior in enumerate(anchors)}
 
 
@@ -334,8 +338,8 @@ class CookTorranceConductor(_Microfacets):
         anchors = tuple(
             (float(fixed[f"eta_{f}"]), float(fixed[f"k_{f}"])) for f in range(self.fresnel_terms)
         )
-        true = np.stack(self._fresnel(numpy_maths, _cosines()[0], values), axis=1)
-        return _conductor_expansion(anchors).weights(true)
+        true = np.stack(self._fresnel(numpy_maths, cosines(), values), axis=1)
+        return conductor_expansion(anchors).weights(true)
 
     def _fresnel(self, xp: Maths, cos: Any, values: Mapping[str, Any]) -> list[Any]:
         pairs = zip(values["eta"], values["k"], strict=True)
@@ -344,8 +348,8 @@ class CookTorranceConductor(_Microfacets):
     def _freeze_fresnel(self, values: Values) -> dict[str, float]:
         # Green first: its curve is the reference quotient
         eta, k = values["eta"], values["k"]
-        own = tuple((round(float(eta[c]), 9), round(float(k[c]), 9)) for c in (1, 0, 2))  # type: ignore[arg-type,index]
-        anchors = _conductor_anchors(own, self.fresnel_terms)
+        own = tuple((round(float(eta[c]), 9), round(float(k[c]), 9)) for c in (1, 0, 2))  # type: ignore[index]
+        anchors = conductor_anchors(own, self.fresnel_terms)
         return {
             name: value
             for f, (eta_f, k_f) in enumerate(anchors)
@@ -357,114 +361,3 @@ def _rough(values: Values) -> float:
     """α for masking: a perfectly smooth surface masks nothing."""
     alpha = float(values["roughness"])  # type: ignore[arg-type]
     return alpha if alpha >= SMALLEST_ROUGHNESS else 0.0
-
-
-@lru_cache(maxsize=1)
-def _cosines() -> tuple[Float64, Float64]:
-    """Points in (0, 1] for the fits, the last of them 1, and their spacing as weights."""
-    nodes, weights = np.polynomial.legendre.leggauss(96)
-    return np.append((nodes + 1) / 2, 1.0), np.append(weights / 2, 0.0)
-
-
-def _fresnel_fit_weight(curve: Float64) -> Float64:
-    """Relative error counts, grazing angles less, and normal incidence is pinned."""
-    cos, spacing = _cosines()
-    weight = (cos + 0.02) / (curve + 0.02) ** 2 * (spacing + 1e-9)
-    weight[-1] = 100 * weight.sum()
-    return weight
-
-
-@lru_cache(maxsize=256)
-def _masking_expansion(distribution: Distribution, anchors: tuple[float, ...]) -> Expansion:
-    # Weighted like the energy of uniform light, cosθ dcosθ
-    cos, spacing = _cosines()
-    rows = [masking(numpy_maths, distribution, cos, alpha) for alpha in anchors]
-    return Expansion(stacked(rows), cos * spacing)
-
-
-@lru_cache(maxsize=256)
-def _masking_anchors(distribution: Distribution, first: float, count: int) -> tuple[float, ...]:
-    cos, spacing = _cosines()
-
-    def curves(alphas: tuple[float, ...]) -> Float64:
-        return stacked([masking(numpy_maths, distribution, cos, alpha) for alpha in alphas])
-
-    pool = tuple(
-        alpha
-        for alpha in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
-        if abs(alpha - first) > 0.06
-    )
-    family = curves((0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0))
-    # Errors near grazing angles, where little energy goes, weigh less
-    tolerance = 1 / (cos + 1e-3)
-    chosen = choose_anchors(curves((first,)), curves(pool), family, count, cos * spacing, tolerance)
-    return tuple((first, *pool)[index] for index in chosen)
-
-
-@lru_cache(maxsize=256)
-def _dielectric_expansion(anchors: tuple[float, ...]) -> Expansion:
-    rows = [fresnel_dielectric(numpy_maths, _cosines()[0], ior) for ior in anchors]
-    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
-
-
-@lru_cache(maxsize=256)
-def _dielectric_anchors(first: float, count: int) -> tuple[float, ...]:
-    cos, _ = _cosines()
-
-    def curves(iors: tuple[float, ...]) -> Float64:
-        return stacked([fresnel_dielectric(numpy_maths, cos, ior) for ior in iors])
-
-    pool = tuple(
-        ior
-        for ior in (1.05, 1.2, 1.33, 1.5, 1.8, 2.2, 3.0, MIRROR_INDEX)
-        if abs(ior - first) > 0.05
-    )
-    family = curves((1.2, 1.33, 1.5, 1.8, 2.2, 2.5, 3.0))
-    own = curves((first,))
-    tolerance = np.where(cos > 0.17, family, np.inf).mean(axis=0)
-    chosen = choose_anchors(
-        own, curves(pool), family, count, _fresnel_fit_weight(own[0]), tolerance
-    )
-    return tuple((first, *pool)[index] for index in chosen)
-
-
-Index = tuple[float, float]
-
-
-@lru_cache(maxsize=256)
-def _conductor_expansion(anchors: tuple[Index, ...]) -> Expansion:
-    rows = [fresnel_conductor(numpy_maths, _cosines()[0], *index) for index in anchors]
-    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
-
-
-METALS: tuple[Index, ...] = (
-    (0.143, 3.983), (0.375, 2.386), (1.442, 1.603),  # gold
-    (0.2, 3.912), (0.924, 2.452), (1.102, 2.142),  # copper
-    (1.657, 9.224), (0.88, 6.27), (0.521, 4.837),  # aluminium
-    (4.37, 5.206), (2.917, 4.231), (1.655, 3.755),  # chromium
-    (2.95, 3.07), (2.65, 2.8), (0.14, 3.1),  # iron, silver
-)  # fmt: skip
-"""eta, k per channel of metals that edits may ask for (refractiveindex.info, linear RGB)."""
-
-
-CONDUCTOR_POOL: tuple[Index, ...] = (
-    (0.0, 1.0), (1.5, 0.0), (4.4, 3.5), (2.5, 2.5), (1.0, 2.0), (0.15, 2.5), (1.4, 1.6),
-)  # fmt: skip
-"""Unlike Fresnel curves: an ideal mirror, glass, and strongly to weakly absorbing metals."""
-
-
-@lru_cache(maxsize=256)
-def _conductor_anchors(own: tuple[Index, ...], count: int) -> tuple[Index, ...]:
-    cos, _ = _cosines()
-
-    def curves(indices: tuple[Index, ...]) -> Float64:
-        return stacked([fresnel_conductor(numpy_maths, cos, *index) for index in indices])
-
-    own = tuple(dict.fromkeys(own))
-    pool = tuple(index for index in CONDUCTOR_POOL if index not in own)
-    start, family = curves(own), curves(METALS)
-    tolerance = np.where(cos > 0.17, 1.0, np.inf)
-    chosen = choose_anchors(
-        start, curves(pool), family, count, _fresnel_fit_weight(start[0]), tolerance
-    )
-    return tuple((*own, *pool)[index] for index in chosen)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
+
+from burnish.core.types import Float64
 from burnish.materials.maths import Maths
 
 Distribution = Literal["beckmann", "ggx"]
@@ -77,3 +80,25 @@ def schlick_weight(cos: Any) -> Any:
     """(1 − cosθd)⁵, the grazing part of Schlick's Fresnel approximation (1994)."""
     x = 1 - cos
     return x * x * x * x * x
+
+
+def schlick_basis(cos: Any, first: Any) -> list[Any]:
+    """Two functions of θd that span every Schlick curve: the one from `first`, and (1 − c)⁵.
+
+    2008, eq. 31–32, with the initial curve in place of 1, so that the first function alone is
+    the best stand-in for the material.
+    """
+    grazing = schlick_weight(cos)
+    return [first + (1 - first) * grazing, grazing]
+
+
+def schlick_weights(colour: Any, first: float) -> Float64:
+    """What multiplies `schlick_basis` to give F0 + (1 − F0)(1 − c)⁵: float64 [2, 3]."""
+    f0 = np.asarray(colour, np.float64) * np.ones(3)
+    ratio = f0 / first
+    return np.stack([ratio, (1 - f0) - ratio * (1 - first)])
+
+
+def first_reflectance(colour: Any) -> float:
+    """The `first` of a layer that starts with a colour; kept away from 0."""
+    return min(1.0, max(0.02, float(np.mean(colour))))

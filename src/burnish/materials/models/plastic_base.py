@@ -54,7 +54,7 @@ class PlasticBase(Model):
     `color` its tint. A nonlinear map is H = (1 − R0) t / (1 − R0 t) for a texture t and the
     initial R0; a later R enters through the texture's mean, and the tint scales the result.
     Frozen: t_0 … (the initial T), internal (R0), texture_r, _g, _b (the texture's mean).
-    In `evaluate`, roughness and ior must be plain numbers, for which a table of T is made.
+    In `evaluate`, roughness and ior must be the same in all lanes: a table of T is made.
     """
 
     distribution: Distribution = "ggx"
@@ -141,7 +141,9 @@ class PlasticBase(Model):
 
 
 def _coat(values: Mapping[str, Any]) -> tuple[float, float]:
-    return round(float(values["roughness"]), 9), round(float(values["ior"]), 9)
+    """Roughness and ior as plain numbers; device arrays of one entry are read back."""
+    alpha, ior = (float(np.ravel(values[name])[0]) for name in ("roughness", "ior"))
+    return round(alpha, 9), round(ior, 9)
 
 
 def _power(x: Any, exponent: int) -> Any:

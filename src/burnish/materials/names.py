@@ -1,0 +1,130 @@
+"""Names of what can be edited: "object.layer.parameter", and OpenPBR's where it has one.
+
+| alias | is | conversion |
+|---|---|---|
+| `object.base_color` | diffuse.color; of a metal specular.color | |
+| `object.base_weight` | the weight of "diffuse" | |
+| `object.specular_weight` | the weight of "specular" | |
+| `object.specular_color` | specular.color, of a dielectric | |
+| `object.specular_roughness` | specular.roughness | roughness α = (OpenPBR's)² |
+| `object.specular_ior` | specular.ior | |
+
+A layer's own `roughness` is Mitsuba's alpha; OpenPBR's `specular_roughness` is its root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from burnish.core.errors import InvalidValue, UnknownName
+from burnish.core.types import Value
+from burnish.materials.layer import Material, MaterialState
+from burnish.materials.parameter import Parameter
+
+WEIGHT = Parameter("weight", 1.0, 0.0, 100.0, 0.0, 1.0, description="scales a whole layer")
+
+ALIASES: dict[str, tuple[tuple[str, str], ...]] = {
+    "base_color": (("diffuse", "color"), ("specular", "color")),
+    "base_weight": (("diffuse", "weight"),),
+    "specular_weight": (("specular", "weight"),),
+    "specular_color": (("specular", "color"),),
+    "specular_roughness": (("specular", "roughness"),),
+    "specular_ior": (("specular", "ior"),),
+}
+"""OpenPBR's name to the places that it may stand for, the first that exists."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """One editable value. parameter is a parameter of the layer's model, or "weight".
+
+    squared: the name is OpenPBR's roughness, whose square is the layer's.
+    """
+
+    object: str
+    layer: str
+    parameter: str
+    squared: bool = False
+
+    def read(self, state: MaterialState) -> Value:
+        """The value in a state, as the name means it."""
+        layer = state.layers[self.layer]
+        if self.parameter == "weight":
+            return layer.weight
+        value = layer.values[self.parameter]
+        return math.sqrt(float(value)) if self.squared else value  # type: ignore[arg-type]
+
+    def write(self, material: Material, state: MaterialState, value: object) -> MaterialState:
+        """The state with another value. Raises InvalidValue when it is out of range."""
+        layer = state.layers[self.layer]
+        where = f"{self.object}.{self.layer}."
+        if self.parameter == "weight":
+            changed = replace(layer, weight=float(WEIGHT.validate(value, where)))  # type: ignore[arg-type]
+        else:
+            if self.squared:
+                value = _squared(value, f"{self.object}.specular_roughness")
+            parameter = material.layer(self.layer).parameter(self.parameter)
+            checked = parameter.validate(value, where)
+            changed = replace(layer, values={**layer.values, self.parameter: checked})
+        return replace(state, layers={**state.layers, self.layer: changed})
+
+
+def resolve(materials: Mapping[str, Material], path: str) -> Address:
+    """What a path names; object ids may hold dots, and the longest that fits counts.
+
+    Raises UnknownName with the nearest names.
+    """
+    for object_id in sorted(materials, key=len, reverse=True):
+        if not path.startswith(object_id + "."):
+            continue
+        found = _inside(object_id, materials[object_id], path[len(object_id) + 1 :])
+        if found is not None:
+            return found
+    raise UnknownName("parameter", path, known(materials))
+
+
+def known(materials: Mapping[str, Material]) -> list[str]:
+    """Every path that `resolve` takes."""
+    paths = []
+    for object_id, material in materials.items():
+        for layer in material.layers:
+            names = [item.name for item in material.parameters(layer.name)]
+            paths += [f"{object_id}.{layer.name}.{name}" for name in (*names, "weight")]
+        paths += [
+            f"{object_id}.{alias}" for alias in ALIASES if _inside(object_id, material, alias)
+        ]
+    return paths
+
+
+def _inside(object_id: str, material: Material, rest: str) -> Address | None:
+    if rest in ALIASES:
+        for layer, parameter in ALIASES[rest]:
+            if _has(material, layer, parameter) and _fits(material, rest):
+                return Address(object_id, layer, parameter, rest == "specular_roughness")
+        return None
+    layer, _, parameter = rest.partition(".")
+    return Address(object_id, layer, parameter) if _has(material, layer, parameter) else None
+
+
+def _has(material: Material, layer: str, parameter: str) -> bool:
+    if layer not in {item.name for item in material.layers}:
+        return False
+    names = {item.name for item in material.parameters(layer)}
+    return parameter in names or parameter == "weight"
+
+
+def _fits(material: Material, alias: str) -> bool:
+    """A metal's colour is its base colour; only a coat has a specular one."""
+    return alias != "specular_color" or any(item.name == "diffuse" for item in material.layers)
+
+
+def _squared(value: object, where: str) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0 <= number <= 1:
+        raise InvalidValue(f"{where} must lie in [0, 1]; got {value!r}")
+    return number * number
