@@ -70,7 +70,7 @@ def edit_options(command: Command) -> Command:
             metavar="OBJECT.LAYER.PARAM=VALUE",
             multiple=True,
             help="One edit, may be given many times. VALUE: a number, R,G,B (linear), "
-            "#rrggbb (sRGB) or a choice.",
+            "#rrggbb (sRGB) or a choice. PARAM may be weight, which scales the layer.",
         ),
     ):
         command = option(command)
@@ -221,13 +221,13 @@ def examples() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
-    sys.exit(run(arguments))
+    sys.exit(exit_code(lambda: cli.main(arguments, prog_name="burnish", standalone_mode=False)))
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line: 0 done, 2 for what the user can mend, 130 after Ctrl+C."""
+def exit_code(work: Callable[[], object]) -> int:
+    """Do the work: 0 when done, 2 for what the user can mend, 130 after Ctrl+C."""
     try:
-        cli.main(arguments, prog_name="burnish", standalone_mode=False)
+        work()
     except BurnishError as error:
         return complain(str(error))
     except click.UsageError as error:

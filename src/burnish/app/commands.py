@@ -11,6 +11,7 @@ import click
 import burnish
 from burnish.app import opening
 from burnish.app.assignments import (
+    make_edit,
     parse_assignments,
     parse_bins,
     parse_resolution,
@@ -203,7 +204,7 @@ def make_edits(session: Session, edits: str | None, assignments: Sequence[str]) 
     if edits is not None:
         session.load(edits)
     for path, value in parsed:
-        session.set(path, value)
+        make_edit(session, path, value)
 
 
 def describe_info(said: dict[str, Any]) -> list[str]:
