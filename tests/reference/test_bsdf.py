@@ -20,10 +20,7 @@ from burnish.materials.registry import material_to_json, state_to_json
 from burnish.reference import layered_bsdf, layered_class
 from burnish.reference.bsdf import reflecting_bsdf
 from burnish.reference.reflectance import CoarseReflectance, FineReflectance, MatteReflectance
-from burnish.scene.device import activate
 from tests.reference.worlds import blinn, direction, edited, lambert, material
-
-activate()
 
 RED = (0.6, 0.2, 0.1)
 GREY = (0.4, 0.4, 0.4)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import RGB, Float64
@@ -16,6 +17,9 @@ from burnish.materials.model import Model, Values
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.lambert import Lambert
 from burnish.scene import Scene, load
+from burnish.scene.device import activate
+
+activate()
 
 SKY = {"type": "constant", "radiance": 1.0}
 MATTE = {"type": "diffuse"}
@@ -86,8 +90,6 @@ def camera(
     fov: float = 30.0,
     rfilter: str = "box",
 ) -> dict[str, Any]:
-    import mitsuba as mi
-
     return {
         "type": "perspective",
         "fov": fov,
@@ -98,8 +100,6 @@ def camera(
 
 def plane(z: float = 0.0, size: float = 1.0, down: bool = False, **fields: Any) -> dict[str, Any]:
     """A square of half-width `size` at height z, facing up or down."""
-    import mitsuba as mi
-
     T = mi.ScalarTransform4f()
     turn = T.rotate([1, 0, 0], 180) if down else T
     return {
@@ -126,5 +126,5 @@ def directional_albedo(item: Material, state: MaterialState, theta_o: float) -> 
     for layer in item.layers:
         values = {**state.layers[layer.name].values, **layer.fixed}
         channels = layer.model.evaluate(numpy_maths, wi, wo, values)
-        result += [float((area[:, None] * value).sum()) for value in channels]
+        result += [float((area[:, None] * np.broadcast_to(v, (n, 2 * n))).sum()) for v in channels]
     return result
