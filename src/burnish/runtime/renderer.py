@@ -53,8 +53,9 @@ class Renderer:
     def __init__(self, frozen: Frozen) -> None:
         self.frozen = frozen
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
-        self._weights: list[Float32 | None] = [None] * len(frozen.parts)
-        self._light: list[Float32 | None] = [None] * len(frozen.parts)
+        self._others = _join_others(frozen)
+        self._groups = _group_by_rows(frozen)
+        self._light: dict[int, tuple[Float32, Float32]] = {}
 
     def image(self, state: State) -> Float32:
         """The picture with the targets' materials from `state`: float32 [h, w, 3], linear RGB.
@@ -64,18 +65,34 @@ class Renderer:
         frozen = self.frozen
         numbers = _Numbers(frozen, state)
         planes = self._base.copy()
-        for k, part in enumerate(frozen.parts):
-            weights = numbers.weights(part).astype(np.float32)
-            light = self._light[k]
-            if light is None or not np.array_equal(weights, self._weights[k]):  # type: ignore[arg-type]
-                light = _products(part.F, weights)
-                self._weights[k], self._light[k] = weights, light
-            factor = numbers.outgoing(part)
-            if factor is not None:
-                light = light * factor.T.astype(np.float32)
+        if self._others is not None:
+            planes += self._contracted(-1, self._others, numbers.powers.T)
+        for group in self._groups:
+            total = np.zeros((3, len(frozen.parts[group[0]].pixel)), np.float32)
+            for k in group:
+                part = frozen.parts[k]
+                light = self._contracted(k, part.F, numbers.weights(part))
+                factor = numbers.outgoing(part)
+                total += light if factor is None else light * factor.T.astype(np.float32)
+            pixel = frozen.parts[group[0]].pixel
             for h in range(3):
-                planes[h, part.pixel] += light[h]
-        return np.ascontiguousarray(planes.T).reshape(frozen.height, frozen.width, 3)
+                planes[h, pixel] += total[h]
+        image = np.empty((planes.shape[1], 3), np.float32)
+        for h in range(3):
+            image[:, h] = planes[h]
+        return image.reshape(frozen.height, frozen.width, 3)
+
+    def _contracted(self, key: int, F: Float32, weights: Float64) -> Float32:
+        """F with its last (or, of the others, middle) axis contracted: float32 [3, r].
+
+        Not read again while the weights are those of the last time.
+        """
+        narrow = weights.astype(np.float32)
+        known = self._light.get(key)
+        if known is None or not np.array_equal(known[0], narrow):
+            light = np.matmul(narrow[:, None], F)[:, 0] if key < 0 else _products(F, narrow)
+            known = self._light[key] = narrow, light
+        return known[1]
 
     def gradient(self, state: State, image_gradient: Float32) -> Gradient:
         """Back from dL/dimage [h, w, 3] to the numbers that an edit changes.
@@ -117,6 +134,36 @@ class Renderer:
         return Gradient(columns, powers, albedos, coarse, outgoing)
 
 
+def _join_others(frozen: Frozen) -> Float32 | None:
+    """V of all rows that first meet no target, added up: float32 [3, powers, pixels].
+
+    The powers come before the pixels, which makes the few long sums of a frame fast.
+    """
+    others = [part for part in frozen.parts if part.slice is None]
+    if not others:
+        return None
+    result = np.zeros((3, len(frozen.powers.exponents), len(frozen.base)), np.float32)
+    for part in others:
+        for h in range(3):
+            for n in range(result.shape[1]):
+                result[h, n, part.pixel] += part.F[h, :, n]
+    return result
+
+
+def _group_by_rows(frozen: Frozen) -> list[list[int]]:
+    """Parts of the targets, those of the same rows together: their slices."""
+    groups: list[list[int]] = []
+    for k, part in enumerate(frozen.parts):
+        if part.slice is None:
+            continue
+        first = frozen.parts[groups[-1][0]] if groups else None
+        if first is not None and np.array_equal(first.pixel, part.pixel):
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    return groups
+
+
 class _Numbers:
     """Coefficients, powers and outgoing factors of a state, each computed once."""
 
@@ -143,11 +190,8 @@ class _Numbers:
         """s(θo) of a part's rows: float64 [r, 3 or 1], or None for 1."""
         if part.slice is None or part.indirect:
             return None
-        basis = self.frozen.basis
-        position = basis.slices(part.object).index(part.slice)
-        return basis.outgoing_factors(part.object, self.state, part.cos_theta_o.astype(np.float64))[
-            position
-        ]
+        cosines = part.cos_theta_o.astype(np.float64)
+        return self.frozen.basis.outgoing_factor(part.object, self.state, part.slice, cosines)
 
 
 def _products(F: Float32, weights: Float32) -> Float32:

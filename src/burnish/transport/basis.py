@@ -11,7 +11,7 @@ B(pixel) = E + Σ_rows Σ_c Σ_z s_c(row) · coefficient_c · tail_z · T[row, c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -180,38 +180,77 @@ class Basis:
         self, index: int, state: State, cos_theta_o: Float64
     ) -> list[Float64 | None]:
         """s(θo) of each slice of an object's fine rows: [rows, 3 or 1], or None for 1."""
-        item = self.objects[index]
-        settled = conserved(item.material, state[item.id])
         return [
-            outgoing(
-                item.material.layers[part.layer],
-                settled.layers[item.material.layers[part.layer].name],
-                cos_theta_o,
-                part.delta,
-            )
-            for part in self.slices(index)
+            self.outgoing_factor(index, state, part, cos_theta_o) for part in self.slices(index)
         ]
+
+    def outgoing_factor(
+        self, index: int, state: State, part: ColumnSlice, cos_theta_o: Float64
+    ) -> Float64 | None:
+        """s(θo) of one slice: float64 [rows, 3 or 1], or None for 1."""
+        item = self.objects[index]
+        layer = item.material.layers[part.layer]
+        settled = conserved(item.material, state[item.id])
+        return outgoing(layer, settled.layers[layer.name], cos_theta_o, part.delta)
 
     def albedos(self, state: State) -> Float64:
         """Equivalent albedo d of each variable: float64 [variables, 3] (2008, eq. 36–37)."""
-        result = np.zeros((len(self.variables), 3))
-        for v, (i, group) in enumerate(self.variables):
-            item = self.objects[i]
-            settled = conserved(item.material, state[item.id])
-            for layer in item.material.layers:
-                if layer.group == group:
-                    result[v] += albedo(layer, settled.layers[layer.name])
-        return result
+        parts = [
+            self._remembered("albedos", i, state[item.id], self._object_albedos)
+            for i, item in enumerate(self.objects)
+        ]
+        return np.concatenate(parts) if parts else np.zeros((0, 3))
 
     def coarse_values(self, state: State) -> Float64:
         """ĉ_w of each coarse column: float64 [coarse, 3]."""
-        parts = []
-        for item in self.objects:
-            settled = conserved(item.material, state[item.id])
-            for layer in item.material.layers:
-                count = coarse_count(layer, self.coarse_bins)
-                parts.append(coarse_coefficients(layer, settled.layers[layer.name], count))
+        parts = [
+            self._remembered("coarse", i, state[item.id], self._object_coarse_values)
+            for i, item in enumerate(self.objects)
+        ]
         return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+    def _object_albedos(self, index: int, state: MaterialState) -> Float64:
+        """d of one object's groups: float64 [groups, 3]."""
+        material = self.objects[index].material
+        settled = conserved(material, state)
+        result = np.zeros((len(material.groups), 3))
+        for layer in material.layers:
+            result[material.groups.index(layer.group)] += albedo(layer, settled.layers[layer.name])
+        return result
+
+    def _object_coarse_values(self, index: int, state: MaterialState) -> Float64:
+        """ĉ_w of one object's layers: float64 [coarse columns, 3]."""
+        material = self.objects[index].material
+        settled = conserved(material, state)
+        return np.concatenate(
+            [
+                coarse_coefficients(
+                    layer, settled.layers[layer.name], coarse_count(layer, self.coarse_bins)
+                )
+                for layer in material.layers
+            ]
+        )
+
+    def _remembered(
+        self,
+        kind: str,
+        index: int,
+        state: MaterialState,
+        compute: Callable[[int, MaterialState], Float64],
+    ) -> Float64:
+        """What was computed last for one object, if its state is still the same.
+
+        A frame changes one object's state and asks for the numbers of all.
+        """
+        known = self._memory.get((kind, index))
+        if known is None or known[0] is not state:
+            known = state, compute(index, state)
+            self._memory[kind, index] = known
+        return known[1]
+
+    @cached_property
+    def _memory(self) -> dict[tuple[str, int], tuple[MaterialState, Float64]]:
+        return {}
 
     def tail_values(self, state: State) -> Float64:
         """The factor of every tail: float64 [tails, 3]."""
