@@ -7,7 +7,7 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: help demo test lint format verify bench clean
+.PHONY: help client demo test lint format verify bench clean
 .DEFAULT_GOAL := help
 
 help:
@@ -17,16 +17,20 @@ help:
 	@echo "make format   let ruff rewrite the sources"
 	@echo "make verify   every acceptance figure at full size, with one report"
 	@echo "make bench    timings, each a ratio within one run"
+	@echo "make client   the editor's page, when its sources have changed"
 	@echo "make clean    remove what the other targets made"
 
-$(READY): pyproject.toml bootstrap.py
+$(READY): pyproject.toml bootstrap.py hatch_build.py
 	@$(PYTHON) bootstrap.py
 	@touch $@
 
-demo: $(READY)
+client: $(READY)
+	@$(BIN)/python client/build.py
+
+demo: client
 	@$(BIN)/python -m burnish.app.demo
 
-test: lint
+test: lint client
 	@$(BIN)/python bootstrap.py --browser
 	$(BIN)/python -m pytest
 
@@ -47,5 +51,5 @@ bench: $(READY)
 	$(BIN)/python -m bench
 
 clean:
-	rm -rf .venv build dist demo-output .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv build dist demo-output client/node_modules src/burnish/app/static .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

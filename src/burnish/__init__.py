@@ -131,17 +131,27 @@ def open_bundle(path: str | Path) -> Bundle:
     return open_bundle(path)
 
 
-def edit(source: Bundle | str | Path) -> Session:
-    """Begin editing a bundle, or what `bake` wrote at a path; needs no ray tracer.
+def edit(source: Bundle | Scene | str | Path) -> Session:
+    """Begin editing: a bundle, or its path; needs no ray tracer.
 
     >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
     >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP
 
-    Raises MissingFile, BundleError.
+    Raises MissingFile, BundleError, and InvalidValue for a scene, which is baked first.
     """
-    from burnish.app.opening import session_for
+    from burnish.app.opening import names_bundle, session_for
+    from burnish.core.errors import InvalidValue
+    from burnish.store.bundle import Bundle
 
-    return session_for(open_bundle(source) if isinstance(source, (str, Path)) else source)
+    if isinstance(source, (str, Path)) and names_bundle(source):
+        return session_for(open_bundle(source))
+    if isinstance(source, Bundle):
+        return session_for(source)
+    name = str(source) if isinstance(source, (str, Path)) else source.name
+    raise InvalidValue(
+        f"editing begins with a bundle and {name!r} is a scene; bake it first: "
+        f"burnish bake {name} -o {Path(name).stem}.burnish"
+    )
 
 
 def path_trace(

@@ -158,7 +158,7 @@ def test_examples_are_listed(burnish: Runner, tmp_path: Path) -> None:
     assert outcome.out.startswith("cornell-box ")
 
 
-@pytest.mark.parametrize("command", ["bake", "render", "compare", "info", "examples"])
+@pytest.mark.parametrize("command", ["edit", "bake", "render", "compare", "info", "examples"])
 def test_help_shows_examples(burnish: Runner, tmp_path: Path, command: str) -> None:
     outcome: Outcome = burnish(command, "--help", cwd=tmp_path, ray_tracer=False)
     assert outcome.code == 0

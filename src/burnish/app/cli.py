@@ -1,4 +1,4 @@
-"""The command line: `burnish bake | render | compare | info | examples`.
+"""The command line: `burnish edit | bake | render | compare | info | examples`.
 
 Commands read their options, call `burnish.app.commands` and print. Whatever a user can get
 wrong ends as one line on stderr and exit code 2; Ctrl+C ends with 130 and what was kept.
@@ -75,6 +75,31 @@ def edit_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish edit box.burnish
+  burnish edit box.burnish --edits look.json --no-browser --port 8000"""
+)
+@click.argument("source", metavar="SCENE|BUNDLE")
+@click.option("--edits", metavar="FILE", help="Edits to begin with, as a session has saved them.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to serve on; another one lets other machines in.",
+)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on (a free one)."
+)
+@click.option("--no-browser", is_flag=True, help="Print the address and open no browser.")
+def edit(**options: Any) -> None:
+    """Open the editor on SCENE or BUNDLE in the browser."""
+    from burnish.app import commands
+
+    commands.edit(**options)
 
 
 @cli.command(

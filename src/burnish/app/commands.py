@@ -39,6 +39,15 @@ FIGURES = {
 }
 
 
+def edit(source: str, edits: str | None, host: str, port: int, no_browser: bool) -> None:
+    """`burnish edit`."""
+    from burnish.app.server import serve
+
+    session = burnish.edit(source)
+    make_edits(session, edits, ())
+    serve(session, host, port, not no_browser, announce=click.echo)
+
+
 def bake(
     scene: str,
     output: str,
