@@ -11,7 +11,7 @@ import mitsuba as mi
 
 from burnish.materials.layer import Material, MaterialState
 from burnish.scene.maps import WeightMap
-from burnish.scene.tree import Tree
+from burnish.scene.tree import Tree, UniqueNames
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def draft_objects(tree: Tree, by_bsdf: bool) -> list[Draft]:
         shapes.setdefault(key, []).append(index)
         if not any(index == child for _, child in tree.children(0)):
             instanced.add(key)
-    unique = _Unique()
+    unique = UniqueNames()
     drafts = [
         Draft(unique(names[key]), tuple(nodes), key in instanced) for key, nodes in shapes.items()
     ]
@@ -152,18 +152,3 @@ def _group_name(tree: Tree, merged: Mapping[int, int], index: int) -> str:
     if len(materials) == 1 or bsdf is None:
         return name
     return f"{name}-{tree.id(bsdf) or tree.plugin(bsdf)}"
-
-
-class _Unique:
-    """Hands out each name once: "white", "white_2", "white_3"."""
-
-    def __init__(self) -> None:
-        self._taken: set[str] = set()
-
-    def __call__(self, name: str) -> str:
-        candidate, number = name, 1
-        while candidate in self._taken:
-            number += 1
-            candidate = f"{name}_{number}"
-        self._taken.add(candidate)
-        return candidate

@@ -170,7 +170,7 @@ class Tree:
     def remove_children(self, index: int, kind: Any) -> None:
         """Detach the child plugins of one type."""
         for name, _ in self.children(index, kind):
-            self.node(index).props.remove_property(name)
+            del self.node(index).props[name]
 
     def flatten_merged(self) -> dict[int, list[int]]:
         """Put the shapes of `merge` plugins directly into the scene, where they stay apart.
@@ -181,7 +181,7 @@ class Tree:
         root = self.node(0).props
         for name, index in self.children(0, mi.ObjectType.Shape):
             if self.plugin(index) == "merge":
-                root.remove_property(name)
+                del root[name]
                 groups[index] = list(self._leaves(index))
                 for shape in groups[index]:
                     root[f"merged_{shape}"] = Reference(shape)
@@ -202,7 +202,7 @@ class Tree:
             tree.remove_children(index, mi.ObjectType.BSDF)
             for name, value in tree.embedded(index):
                 if isinstance(value, mi.BSDF):
-                    props.remove_property(name)
+                    del props[name]
             props["burnish_bsdf"] = bsdf
         return tree
 
@@ -252,6 +252,21 @@ class Tree:
             )
         candidates.append(Path(str(mi.file_resolver().resolve(given))))
         return next((path.resolve() for path in candidates if path.is_file()), None)
+
+
+class UniqueNames:
+    """Hands out each name once: "white", "white_2", "white_3"."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def __call__(self, name: str) -> str:
+        candidate, number = name, 1
+        while candidate in self._taken:
+            number += 1
+            candidate = f"{name}_{number}"
+        self._taken.add(candidate)
+        return candidate
 
 
 def _names_file(name: str, value: object) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import mitsuba as mi
 
 from burnish.core.errors import InvalidValue, SceneError
-from burnish.scene.tree import Reference, Tree
+from burnish.scene.tree import Reference, Tree, UniqueNames
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,11 @@ def prepare_sensors(tree: Tree, resolution: tuple[int, int] | None) -> list[str]
     Returns the views' names, which become the sensors' ids. Raises SceneError without a camera.
     """
     names: list[str] = []
+    unique = UniqueNames()
     for name, index in tree.children(0, mi.ObjectType.Sensor):
         wanted = tree.id(index) or ("view" if name.startswith("_arg_") else name)
-        unique = wanted
-        while unique in names:
-            unique = f"{wanted}_{names.count(wanted) + len(names) + 1}"
-        names.append(unique)
-        tree.node(index).props.set_id(unique)
+        names.append(unique(wanted))
+        tree.node(index).props.set_id(names[-1])
         _prepare(tree, index, resolution)
     if not names:
         raise SceneError(f"{tree.label}: the scene has no camera; add a <sensor>")
@@ -70,7 +68,7 @@ def _prepare(tree: Tree, index: int, resolution: tuple[int, int] | None) -> None
     if resolution is not None:
         for name in ("crop_width", "crop_height", "crop_offset_x", "crop_offset_y"):
             if name in props:
-                props.remove_property(name)
+                del props[name]
         props["width"], props["height"] = checked_resolution(resolution)
 
 

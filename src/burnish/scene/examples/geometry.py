@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -87,10 +88,7 @@ def swept(path: Float64, sides: Float64, ups: Float64, section: Float64) -> Mesh
     """
     ring = section[None, :, :1] * sides[:, None] + section[None, :, 1:] * ups[:, None]
     positions = path[:, None] + ring
-    along_path = np.gradient(positions, axis=0)
-    along_section = np.gradient(positions, axis=1)
-    _close(along_path, positions, 0)
-    _close(along_section, positions, 1)
+    along_path, along_section = _tangents(positions, 0), _tangents(positions, 1)
     normals = np.cross(along_section, along_path)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
     u, v = np.linspace(0, 1, len(section)), np.linspace(0, 1, len(path))
@@ -98,11 +96,27 @@ def swept(path: Float64, sides: Float64, ups: Float64, section: Float64) -> Mesh
     return grid(positions, normals, uv)
 
 
-def _close(derivative: Float64, positions: Float64, axis: int) -> None:
-    """Where a direction of a grid returns to its start, difference across the seam."""
-    p, d = np.moveaxis(positions, axis, 0), np.moveaxis(derivative, axis, 0)
-    if np.allclose(p[0], p[-1]):
-        d[0] = d[-1] = (p[1] - p[-2]) / 2
+def _tangents(positions: Float64, axis: int) -> Float64:
+    """Directions along one axis of a grid: the mean of the unit steps before and after.
+
+    Where the axis returns to its start, the step across the seam counts as its neighbour.
+    """
+    p = np.moveaxis(positions, axis, 0)
+    steps = np.diff(p, axis=0)
+    steps /= np.maximum(np.linalg.norm(steps, axis=-1, keepdims=True), 1e-30)
+    closed = np.allclose(p[0], p[-1])
+    first, last = (steps[-1:], steps[:1]) if closed else (steps[:1], steps[-1:])
+    mean = np.concatenate([first, steps]) + np.concatenate([steps, last])
+    return np.moveaxis(mean, 0, axis)
+
+
+def refined(outline: Float64, longest: float) -> Float64:
+    """An outline [n, 2] with its long edges divided, so that flat parts keep flat normals."""
+    points = [outline[:1]]
+    for a, b in pairwise(outline):
+        count = max(1, int(np.ceil(np.linalg.norm(b - a) / longest)))
+        points.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+    return np.concatenate(points)
 
 
 def rounded_rectangle(width: float, height: float, radius: float, per_corner: int) -> Float64:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from burnish.scene.examples.geometry import (
     Mesh,
     camera,
     rectangle,
+    refined,
     rgb,
     rounded_rectangle,
     swept,
@@ -72,13 +72,4 @@ def band() -> Mesh:
     sides = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
     ups = np.broadcast_to(np.array([0.0, 0.0, 1.0]), sides.shape)
     section = rounded_rectangle(THICKNESS, HEIGHT, 0.06, 10)[::-1]
-    return swept(RADIUS * sides + HEIGHT / 2 * ups, sides, ups, _refined(section))
-
-
-def _refined(outline: Any, longest: float = 0.05) -> Any:
-    """The outline with its long edges divided, so that its normals stay with the faces."""
-    points = [outline[:1]]
-    for a, b in pairwise(outline):
-        count = max(1, int(np.ceil(np.linalg.norm(b - a) / longest)))
-        points.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-    return np.concatenate(points)
+    return swept(RADIUS * sides + HEIGHT / 2 * ups, sides, ups, refined(section, 0.05))

@@ -15,6 +15,7 @@ from burnish.scene.examples.geometry import (
     camera,
     grid,
     joined,
+    refined,
     rgb,
     rounded_rectangle,
     swept,
@@ -112,7 +113,7 @@ def tray() -> Mesh:
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     path, sides = (np.pad(item, ((0, 0), (0, 1))) for item in (outline, outward))
     ups = np.broadcast_to(np.array([0.0, 0.0, 1.0]), path.shape)
-    rim = swept(path, sides, ups, section)
+    rim = swept(path, sides, ups, refined(section, 0.15))
     # The floor: the inner outline shrunk to a point
     inner = path + section[0, 0] * sides
     rings = np.linspace(0.0, 1.0, 5)[:, None, None] * inner[None]
