@@ -13,6 +13,7 @@ import pytest
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Material, MaterialState
 from burnish.materials.maths import numpy_maths
+from burnish.materials.models.ashikhmin_shirley import AshikhminShirleyRatio
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import CookTorrance
 from burnish.materials.models.lambert import Lambert
@@ -24,7 +25,9 @@ from tests.reference.worlds import blinn, direction, edited, lambert, material
 
 RED = (0.6, 0.2, 0.1)
 GREY = (0.4, 0.4, 0.4)
-CURVE = Curve((0.0, 0.1, 0.5, 1.0), ((9.0,) * 3, (0.5,) * 3, (0.4, 0.0, 0.1), (0.0,) * 3), "replace")
+CURVE = Curve(
+    (0.0, 0.1, 0.5, 1.0), ((9.0,) * 3, (0.5,) * 3, (0.4, 0.0, 0.1), (0.0,) * 3), "replace"
+)
 
 
 def rough(alpha: float) -> Material:
@@ -34,17 +37,23 @@ def rough(alpha: float) -> Material:
     )
 
 
+def anisotropic() -> Material:
+    values = {"color": GREY, "ratio": 8.0, "exponent": 30.0}
+    return material(("specular", AshikhminShirleyRatio(), values))
+
+
 def cases() -> dict[str, Any]:
     glossy = blinn(RED, GREY, 40.0)
     sharp = blinn(RED, GREY, 2000.0)
     curved = edited(glossy.initial, "specular", curve=CURVE)
-    smooth = rough(0.0)
+    smooth, brushed = rough(0.0), anisotropic()
     return {
         "lambert": layered_bsdf(lambert(RED), lambert(RED).initial),
         "blinn": layered_bsdf(glossy, glossy.initial),
         "blinn, sharp": layered_bsdf(sharp, sharp.initial),
         "curve": layered_bsdf(glossy, curved),
         "ggx": layered_bsdf(rough(0.1), rough(0.1).initial),
+        "anisotropic": layered_bsdf(brushed, brushed.initial),
         "two-sided": layered_bsdf(glossy, glossy.initial, two_sided=True),
         "smooth": layered_bsdf(smooth, smooth.initial),
         "fine": reflecting_bsdf(FineReflectance(glossy, curved, {}), False),
@@ -54,7 +63,7 @@ def cases() -> dict[str, Any]:
 
 
 NAMES = (
-    *("lambert", "blinn", "blinn, sharp", "curve", "ggx"),
+    *("lambert", "blinn", "blinn, sharp", "curve", "ggx", "anisotropic"),
     *("two-sided", "smooth", "fine", "coarse", "matte"),
 )
 
@@ -134,7 +143,9 @@ def evaluate(bsdf: Any, wi: Any, wo: Any) -> np.ndarray:
     return np.asarray(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(*map(float, wi)))).ravel()
 
 
-@pytest.mark.parametrize("item", [blinn(RED, GREY, 40.0), rough(0.2)], ids=["blinn", "ggx"])
+@pytest.mark.parametrize(
+    "item", [blinn(RED, GREY, 40.0), rough(0.2), anisotropic()], ids=["blinn", "ggx", "brushed"]
+)
 def test_the_value_is_the_model_s_own_formula(item: Material) -> None:
     bsdf = layered_bsdf(item, item.initial)
     for theta_i, theta_o, phi in ((0.1, 0.2, 2.0), (0.9, 0.8, 3.1), (1.4, 0.3, 0.5)):
@@ -186,7 +197,9 @@ def test_a_smooth_layer_is_a_mirror() -> None:
     bs, weight = bsdf.sample(mi.BSDFContext(), si, u[0], mi.Point2f(u[1], u[2]))
     smooth = np.asarray(mi.has_flag(bs.sampled_type, mi.BSDFFlags.DeltaReflection))
     np.testing.assert_allclose(
-        np.asarray(bs.wo)[:, smooth], np.array([[-0.6], [0.0], [0.8]]) * np.ones(smooth.sum()), atol=1e-6
+        np.asarray(bs.wo)[:, smooth],
+        np.array([[-0.6], [0.0], [0.8]]) * np.ones(smooth.sum()),
+        atol=1e-6,
     )
     # Schlick's reflectance, spread over the share of samples that go there
     fresnel = 0.4 + 0.6 * (1 - 0.8) ** 5

@@ -55,9 +55,7 @@ def test_the_picture_is_mitsuba_s_with_the_film_s_own_filter(rfilter: str) -> No
 
 def test_the_variance_is_that_of_repeated_pictures() -> None:
     scene = checkered("gaussian")
-    runs = [
-        PathTracedTruth(scene, 2).estimate(initial(scene), spp=64, seed=k) for k in range(24)
-    ]
+    runs = [PathTracedTruth(scene, 2).estimate(initial(scene), spp=64, seed=k) for k in range(24)]
     observed = np.var([run.reflected for run in runs], axis=0, ddof=1)
     stated = np.mean([run.variance for run in runs], axis=0)
     assert observed.mean() == pytest.approx(stated.mean(), rel=0.1)
@@ -68,7 +66,9 @@ def test_the_variance_is_that_of_repeated_pictures() -> None:
 
 def test_two_seeds_agree_and_are_not_the_same() -> None:
     scene = checkered("gaussian")
-    a, b, again = (PathTracedTruth(scene).estimate(initial(scene), spp=64, seed=k) for k in (1, 2, 1))
+    a, b, again = (
+        PathTracedTruth(scene).estimate(initial(scene), spp=64, seed=k) for k in (1, 2, 1)
+    )
     result = ztest(a.reflected, a.variance, b.reflected, b.variance)
     assert result.passed, str(result)
     assert not np.array_equal(a.image, b.image)

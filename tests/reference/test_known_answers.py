@@ -115,9 +115,7 @@ def test_a_glossy_plane_under_a_constant_sky_shows_its_directional_albedo(render
 
 @both
 @pytest.mark.parametrize("bounces", [1, 2, 4])
-def test_two_facing_planes_add_up_the_powers_of_their_albedos(
-    render: Render, bounces: int
-) -> None:
+def test_two_facing_planes_add_up_the_powers_of_their_albedos(render: Render, bounces: int) -> None:
     """A glowing plane (fixed, reflectance a) over an edited one (b), both endless:
     the edited one shows b + b·ab + b·(ab)² + …, one more factor of a or b per bounce."""
     a, b = 0.5, np.array([0.8, 0.6, 0.2])

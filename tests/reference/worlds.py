@@ -25,15 +25,11 @@ SKY = {"type": "constant", "radiance": 1.0}
 MATTE = {"type": "diffuse"}
 
 
-def material(
-    *layers: tuple[str, Model, Values], bins: int = 64, delta: bool = False
-) -> Material:
+def material(*layers: tuple[str, Model, Values], bins: int = 64, delta: bool = False) -> Material:
     """A material of (name, model, values) layers, in the state that the values give."""
     return Material(
         tuple(
-            Layer.starting_at(
-                name, model, values, bins=bins, delta=delta and model.can_be_delta
-            )
+            Layer.starting_at(name, model, values, bins=bins, delta=delta and model.can_be_delta)
             for name, model, values in layers
         ),
         MaterialState({name: LayerState(values) for name, _, values in layers}),

@@ -75,9 +75,12 @@ class Lobes:
         solid_angle = 4 * np.pi * np.diff(edge)[:, None] / self.azimuths
         mass = np.zeros((POLAR_CELLS, self.azimuths))
         for lobe in half:
-            t = lobe.layer.model.coordinate(numpy_maths, h, h, lobe.layer.fixed)
-            value = np.abs(lobe.profile(np.asarray(t).ravel())).mean(axis=1).reshape(mass.shape)
-            part = value * np.cos(middle) * solid_angle
+            # The BRDF where both directions are h, with the cosines of a projected facet
+            model, fixed = lobe.layer.model, lobe.layer.fixed
+            t = np.asarray(model.coordinate(numpy_maths, h, h, fixed))
+            value = np.abs(lobe.profile(t.ravel())).mean(axis=1).reshape(mass.shape)
+            quotient = np.abs(model.quotients(numpy_maths, h, h, fixed)[0])
+            part = value * quotient * np.cos(middle) ** 2 * solid_angle
             mass += lobe.share * part / max(part.sum(), 1e-300)
         mass /= mass.sum()
         polar = mass.sum(axis=1, keepdims=True)
