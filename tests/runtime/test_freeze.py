@@ -8,13 +8,13 @@ from itertools import chain, combinations
 
 import numpy as np
 import pytest
-from tests.runtime.worlds import basis_of, glossy, plain_image, random_world, shaded
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.materials.layer import LayerState, MaterialState
 from burnish.runtime.freeze import BakedTransport, freeze
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import EditableObject, State, initial_state
+from tests.runtime.worlds import basis_of, glossy, plain_image, random_world, shaded
 
 SERIES = [(6,), (6, 1), (6, 1, 1, 1), (6, 3), (6, 3, 1), (6, 2, 1, 1)]
 

@@ -6,12 +6,12 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from tests.runtime.worlds import basis_of, plain_image, random_world, shaded
 
 from burnish.core.errors import InvalidValue
 from burnish.runtime.freeze import freeze
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import Basis, initial_state
+from tests.runtime.worlds import basis_of, plain_image, random_world, shaded
 
 # Sums of single-precision products against differences of a polynomial of degree 4
 CLOSE = {"rtol": 1e-3, "atol": 1e-2}

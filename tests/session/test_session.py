@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.runtime.worlds import basis_of, plain_image, random_world
 
 from burnish.core.errors import (
     CannotWrite,
@@ -26,6 +25,7 @@ from burnish.runtime.freeze import BakedTransport
 from burnish.session import ObjectInfo, Session
 from burnish.transport.basis import State, initial_state
 from burnish.transport.frozen import Frozen
+from tests.runtime.worlds import basis_of, plain_image, random_world
 
 BASIS = basis_of((6, 1, 1))
 SOURCE, TILES = random_world(BASIS)
@@ -293,9 +293,20 @@ def test_unknown_names_come_with_the_nearest() -> None:
         session.set("box.specular.exponent", 0.5)
     with pytest.raises(InvalidValue, match="#rrggbb"):
         session.set("floor.diffuse.color", "#12")
-    with pytest.raises(InvalidValue, match="weight"):
+    with pytest.raises(InvalidValue, match=r"box\.specular\.weight must lie in \[0, 100\]"):
         session.set_weight("box.specular", float("nan"))
     assert session.history == ([], 0)
+
+
+def test_openpbr_names_are_paths_too() -> None:
+    session = session_of()
+    session.set("floor.base_color", 0.25)
+    assert session.get("floor.diffuse.color") == (0.25, 0.25, 0.25)
+    session.set("box.specular.weight", 0.5)
+    assert session.state["box"].layers["specular"].weight == 0.5
+    session.reset("floor.base_color")
+    session.reset("box.specular.weight")
+    assert session.state == initial_state(BASIS.objects)
 
 
 def test_ids_may_hold_dots() -> None:

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.runtime.worlds import basis_of, plain_image, random_world
 
 from burnish.core.errors import (
     BundleError,
@@ -31,6 +30,7 @@ from burnish.store import writer as writer_module
 from burnish.store.writer import partial_path
 from burnish.transport.basis import initial_state
 from burnish.transport.block import Tile
+from tests.runtime.worlds import basis_of, plain_image, random_world
 
 WIDTH, HEIGHT = 20, 12
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.runtime.worlds import basis_of
 
 from burnish.core.types import Float32
 from burnish.transport.compression import (
@@ -16,6 +15,7 @@ from burnish.transport.compression import (
     rgbe_bytes,
 )
 from burnish.transport.rows import Rows
+from tests.runtime.worlds import basis_of
 
 SOLID_ANGLE = np.diff(1 - np.cos(np.linspace(0, 1, 33) ** 2 * np.pi / 2))
 SCALE = column_scale_of(np.concatenate([[np.pi], np.pi * SOLID_ANGLE]))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.runtime.worlds import basis_of, random_world
 
 from burnish.transport.compression import compress
 from burnish.transport.pack import Pack, packs_of
+from tests.runtime.worlds import basis_of, random_world
 
 
 def test_a_pack_gives_its_blocks_back() -> None:

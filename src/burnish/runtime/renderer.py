@@ -201,7 +201,7 @@ def _products(F: Float32, weights: Float32) -> Float32:
     if F.size < _SMALL:
         np.matmul(F, weights[:, :, None], out=result[:, :, None])
         return result
-    step = -(-rows // core_count())
+    step = -(-rows // (4 * core_count()))
     pieces = [(h, slice(r, r + step)) for h in range(3) for r in range(0, rows, step)]
     parallel_map(lambda at: np.matmul(F[at], weights[at[0]], out=result[at]), pieces)
     return result

@@ -18,11 +18,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 from burnish.core.errors import InvalidValue, UnknownName
+from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import LayerState, Material, MaterialState
+from burnish.materials.names import WEIGHT
 from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
@@ -68,24 +70,6 @@ def edits_from_text(
         field = f"{where}: {object_id}"
         state[object_id] = _edited(materials[object_id], _mapping(entry, field), field)
     return state
-
-
-def checked(parameter_owner: Material, layer: str, name: str, value: object, where: str) -> Any:
-    """`value` as the parameter `layer.name` of a material takes it.
-
-    Raises UnknownName, InvalidValue naming `where`.
-    """
-    known = {item.name: item for item in parameter_owner.parameters(layer)}
-    if name not in known:
-        raise UnknownName("parameter", f"{where}.{name}", [f"{where}.{item}" for item in known])
-    return known[name].validate(value, f"{where}.")
-
-
-def checked_weight(value: object, where: str) -> float:
-    """A layer's weight: a number in [0, 100]. Raises InvalidValue."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 100:
-        raise InvalidValue(f"{where}: weight must lie in [0, 100]; got {value!r}")
-    return float(value)
 
 
 def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
@@ -138,7 +122,7 @@ def _edited_layer(
         if key == "parameters":
             values = dict(layer.values)
             for parameter, number in _mapping(value, f"{where}.parameters").items():
-                values[parameter] = checked(material, name, parameter, number, where)
+                values[parameter] = _checked(material, name, parameter, number, where)
             layer = replace(layer, values=values)
         elif key == "curve":
             curve = None if value is None else Curve.from_json(_mapping(value, f"{where}.curve"))
@@ -146,10 +130,18 @@ def _edited_layer(
         elif key == "enabled":
             layer = replace(layer, enabled=_boolean(value, f"{where}.enabled"))
         elif key == "weight":
-            layer = replace(layer, weight=checked_weight(value, where))
+            layer = replace(layer, weight=cast(float, WEIGHT.validate(value, f"{where}.")))
         else:
             raise UnknownName("entry", key, ["parameters", "curve", "enabled", "weight"])
     return layer
+
+
+def _checked(material: Material, layer: str, name: str, value: object, where: str) -> Value:
+    """`value` as the parameter `name` of a layer takes it. Raises UnknownName, InvalidValue."""
+    known = {item.name: item for item in material.parameters(layer)}
+    if name not in known:
+        raise UnknownName("parameter", f"{where}.{name}", [f"{where}.{item}" for item in known])
+    return known[name].validate(value, f"{where}.")
 
 
 def _mapping(value: object, where: str) -> Mapping[str, Any]:

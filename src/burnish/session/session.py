@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,12 @@ from burnish.core.errors import (
 from burnish.core.types import Float32, Int32, Progress, Value
 from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.curve import Curve
-from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.layer import Layer, Material, MaterialState
+from burnish.materials.names import WEIGHT, resolve
 from burnish.runtime.renderer import Renderer
-from burnish.session.edits import checked, checked_weight, edits_from_text, edits_to_text
+from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
-from burnish.session.paths import Path as Place
-from burnish.session.paths import resolve
+from burnish.session.paths import resolve_layer
 from burnish.session.pictures import ViewPictures
 from burnish.transport.basis import State, initial_state
 from burnish.transport.frozen import Transport
@@ -181,75 +182,74 @@ class Session:
     # -- edits ------------------------------------------------------------------------------
 
     def get(self, path: str) -> Value:
-        """A parameter's value, such as get("teapot.specular.roughness"). Raises UnknownName."""
-        place = resolve(self._materials, path, "parameter")
-        return self._layer_state(place).values[place.parameter]
+        """A parameter's value, such as get("teapot.specular.roughness").
+
+        Paths are those of `materials.names`, OpenPBR's names among them. Raises UnknownName.
+        """
+        address = resolve(self._materials, path)
+        return address.read(self._history.state[address.object])
 
     def set(self, path: str, value: object) -> None:
         """Set a parameter; a colour takes three numbers, one, or "#rrggbb" (sRGB).
 
         Raises UnknownName with the nearest names, InvalidValue with the range.
         """
-        place = resolve(self._materials, path, "parameter")
-        material = self._materials[place.object]
+        address = resolve(self._materials, path)
         if isinstance(value, str) and value.startswith("#"):
             value = colour_from_hex(value)
-        where = f"{place.object}.{place.layer}"
-        accepted = checked(material, place.layer, place.parameter, value, where)
-        layer = self._layer_state(place)
-        self._change_layer(
-            place,
-            replace(layer, values={**layer.values, place.parameter: accepted}),
-            f"Set {path} to {_shown(accepted)}",
-        )
+        material, state = self._materials[address.object], self._history.state[address.object]
+        changed = address.write(material, state, value)
+        self._change(address.object, changed, f"Set {path} to {_shown(address.read(changed))}")
 
     def set_curve(self, layer_path: str, curve: Curve | None) -> None:
         """Put a freehand curve on a layer's profile, or take it away. Raises UnknownName."""
-        place = resolve(self._materials, layer_path, "layer")
         label = f"Drew the curve of {layer_path}" if curve else f"Cleared the curve of {layer_path}"
-        self._change_layer(place, replace(self._layer_state(place), curve=curve), label)
+        self._change_layer(layer_path, label, curve=curve)
 
     def set_enabled(self, layer_path: str, enabled: bool) -> None:
         """Switch a layer on or off. Raises UnknownName."""
-        place = resolve(self._materials, layer_path, "layer")
         label = f"Switched {layer_path} {'on' if enabled else 'off'}"
-        self._change_layer(place, replace(self._layer_state(place), enabled=bool(enabled)), label)
+        self._change_layer(layer_path, label, enabled=bool(enabled))
 
     def set_weight(self, layer_path: str, weight: float) -> None:
         """Scale a layer by a number in [0, 100]. Raises UnknownName, InvalidValue."""
-        place = resolve(self._materials, layer_path, "layer")
-        accepted = checked_weight(weight, layer_path)
-        self._change_layer(
-            place,
-            replace(self._layer_state(place), weight=accepted),
-            f"Weighted {layer_path} by {accepted:g}",
-        )
+        accepted = WEIGHT.validate(weight, f"{layer_path}.")
+        self._change_layer(layer_path, f"Weighted {layer_path} by {accepted:g}", weight=accepted)
 
     def set_conserve(self, object_id: str, conserve: bool) -> None:
-        """Link an object's layer weights so that they reflect no more than they receive."""
-        place = resolve(self._materials, object_id, "object")
-        state = replace(self._history.state[place.object], conserve=bool(conserve))
+        """Link an object's layer weights so that they reflect no more than they receive.
+
+        Raises UnknownName, InvalidValue for an object that is not editable.
+        """
+        self._check_editable(object_id)
+        state = replace(self._history.state[object_id], conserve=bool(conserve))
         label = f"{'Linked' if conserve else 'Unlinked'} the layers of {object_id}"
-        self._change(place.object, state, label)
+        self._change(object_id, state, label)
 
     def reset(self, path: str | None = None) -> None:
-        """Back to the scene's own: a parameter, a layer, an object, or everything (None)."""
+        """Back to the scene's own: a parameter, a layer, an object, or everything (None).
+
+        Raises UnknownName.
+        """
         if path is None:
             self._record("Reset everything", initial_state(self._basis.objects))
             return
-        place = resolve(self._materials, path)
-        initial = self._materials[place.object].initial
         label = f"Reset {path}"
-        if not place.layer:
-            self._change(place.object, initial, label)
-        elif not place.parameter:
-            self._change_layer(place, initial.layers[place.layer], label)
-        else:
-            layer = self._layer_state(place)
-            original = initial.layers[place.layer].values[place.parameter]
-            self._change_layer(
-                place, replace(layer, values={**layer.values, place.parameter: original}), label
-            )
+        if path in self._materials:
+            self._change(path, self._materials[path].initial, label)
+            return
+        try:
+            object_id, layer = resolve_layer(self._materials, path)
+        except UnknownName:
+            # The stored number itself: OpenPBR's roughness would round on its way
+            address = replace(resolve(self._materials, path), squared=False)
+            material = self._materials[address.object]
+            state = self._history.state[address.object]
+            original = address.read(material.initial)
+            self._change(address.object, address.write(material, state, original), label)
+            return
+        initial = self._materials[object_id].initial.layers[layer]
+        self._change_layer(path, label, **{name: getattr(initial, name) for name in vars(initial)})
 
     def restore(self, state: State, label: str = "Restored a state") -> None:
         """Make a kept `state` the present one, as one step. Raises UnknownName."""
@@ -377,13 +377,11 @@ class Session:
                 raise InvalidValue(f"object {object_id} cannot be edited: {reason}")
         raise UnknownName("object", object_id, self._materials)
 
-    def _layer_state(self, place: Place) -> LayerState:
-        return self._history.state[place.object].layers[place.layer]
-
-    def _change_layer(self, place: Place, layer: LayerState, label: str) -> None:
-        state = self._history.state[place.object]
-        layers = {**state.layers, place.layer: layer}
-        self._change(place.object, replace(state, layers=layers), label)
+    def _change_layer(self, path: str, label: str, **changes: Any) -> None:
+        object_id, name = resolve_layer(self._materials, path)
+        state = self._history.state[object_id]
+        layers = {**state.layers, name: replace(state.layers[name], **changes)}
+        self._change(object_id, replace(state, layers=layers), label)
 
     def _change(self, object_id: str, material: MaterialState, label: str) -> None:
         if object_id not in self._selected:
