@@ -89,7 +89,8 @@ def test_a_bad_file(tmp_path: Path, body: str, kind: type[BurnishError], parts: 
     with pytest.raises(kind) as caught:
         load(path)
     message = str(caught.value)
-    assert "\n" not in message and "cpp" not in message
+    assert "\n" not in message
+    assert "cpp" not in message
     for part in parts:
         assert part in message
 

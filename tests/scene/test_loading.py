@@ -27,7 +27,7 @@ LIGHT = '<emitter type="constant"/>'
 
 def row_of_spheres(count: int) -> str:
     shapes = "".join(
-        f'<shape type="sphere"><point name="center" x="{3 * i}" y="0" z="0"/><ref id="paint"/></shape>'
+        f'<shape type="sphere"><point name="center" x="{3 * i}"/><ref id="paint"/></shape>'
         for i in range(count)
     )
     return f'{CAMERA}{LIGHT}<bsdf type="diffuse" id="paint"/>{shapes}'
@@ -142,7 +142,9 @@ def test_lights_and_other_bsdfs_are_fixed_with_a_reason() -> None:
     assert scene.object("lamp").reason == "it is a light"
     assert "dielectric" in scene.object("glass").reason
     wall = scene.object("wall")
-    assert wall.editable and wall.two_sided and wall.plugin == "roughconductor"
+    assert wall.editable
+    assert wall.two_sided
+    assert wall.plugin == "roughconductor"
     assert wall.edited_bsdf(wall.material.initial) is not None  # type: ignore[union-attr]
     assert [item.id for item in scene.editable()] == ["wall"]
     with pytest.raises(InvalidValue, match="it is a light"):
@@ -186,7 +188,8 @@ def test_defaults_includes_parameters_and_relative_files(tmp_path: Path) -> None
         '<default name="alpha" value="0.3"/>'
         '<shape type="obj" id="a"><string name="filename" value="meshes/beside-scene.obj"/>'
         '<bsdf type="roughconductor"><float name="alpha" value="$alpha"/></bsdf></shape>'
-        '<shape type="obj" id="b"><string name="filename" value="meshes/beside-include.obj"/></shape>',
+        '<shape type="obj" id="b">'
+        '<string name="filename" value="meshes/beside-include.obj"/></shape>',
         "shapes.xml",
     )
     path = write(tmp_path, f'{CAMERA}{LIGHT}<include filename="parts/shapes.xml"/>')
@@ -252,7 +255,7 @@ def test_with_bsdfs_changes_those_objects_and_no_other() -> None:
     assert bsdfs["back"] == black
     assert sum(bsdf == black for bsdf in bsdfs.values()) == 1
     assert scene.object("back").bsdf != black
-    # A first bounce off black is nothing; everything else is as it was
+    # A first bounce off black is nothing but the filter's tails; everything else is as it was
     direct = mi.load_dict({"type": "path", "max_depth": 2})
     before, after = (
         np.asarray(mi.render(one, integrator=direct, sensor=sensor, spp=4, seed=1))
@@ -262,7 +265,8 @@ def test_with_bsdfs_changes_those_objects_and_no_other() -> None:
         )
     )
     middle = (slice(5, 7), slice(9, 11))
-    assert before[middle].min() > 0 and after[middle].max() == 0
+    assert before[middle].min() > 0.1
+    assert after[middle].max() < 1e-3
     np.testing.assert_allclose(after[-2:], before[-2:], rtol=1e-4)
 
 
@@ -296,7 +300,8 @@ def test_a_medium_is_left_out_with_a_warning(tmp_path: Path) -> None:
     )
     scene = load(write(tmp_path, body))
     (warning,) = scene.warnings
-    assert "'jar'" in warning and "line 2" in warning
+    assert "'jar'" in warning
+    assert "line 2" in warning
     assert not scene.mi_scene.shapes()[0].is_medium_transition()
 
 

@@ -19,7 +19,7 @@ from burnish.scene.examples.geometry import (
 )
 from burnish.scene.examples.gloss import glossed
 
-RADIUS, THICKNESS, HEIGHT = 1.0, 0.12, 0.55
+RADIUS, THICKNESS, HEIGHT = 1.0, 0.12, 0.5
 
 FINISH = {"plane": glossed}
 
@@ -27,8 +27,8 @@ STUDIO = Room(
     low=(-4.0, -4.0, -1.0),
     high=(4.0, 4.0, 4.0),
     panels=(
-        Panel("+y", (-0.5, 1.6), (4.5, 1.6), (0.9, 0.95, 1.0), soft=0.2),
-        Panel("+x", (0.0, 1.5), (3.0, 2.0), (0.8, 0.75, 0.7), soft=0.2),
+        Panel("+y", (-0.5, 1.6), (4.5, 1.6), (2.6, 2.8, 3.0), soft=0.2),
+        Panel("-x", (0.0, 1.5), (3.0, 2.0), (2.2, 2.0, 1.8), soft=0.2),
     ),
     walls=(0.3, 0.3, 0.3),
     floor=(0.2, 0.2, 0.2),
@@ -47,22 +47,22 @@ def describe(folder: Path) -> dict[str, Any]:
                 "type": "roughconductor",
                 "distribution": "ggx",
                 "material": "Au",
-                "alpha": 0.12,
+                "alpha": 0.1,
             },
         },
         "plane": {
             "type": "rectangle",
             "to_world": rectangle((0, 0, 0), (0, 0, 1), (0, 1, 0), 60.0, 60.0),
-            "bsdf": {"type": "diffuse", "reflectance": rgb(0.55, 0.53, 0.5)},
+            "bsdf": {"type": "diffuse", "reflectance": rgb(0.5, 0.49, 0.47)},
         },
         "lamp": {
             "type": "rectangle",
-            "to_world": rectangle((-3.6, 4.6, 4.6), (3.6, -4.6, -4.6), (0, 0, 1), 1.6, 1.6),
+            "to_world": rectangle((4.4, -3.0, 4.0), (-4.4, 3.0, -4.0), (0, 0, 1), 1.3, 1.3),
             "bsdf": {"type": "diffuse", "reflectance": rgb(0.0)},
-            "emitter": {"type": "area", "radiance": rgb(62.0, 58.0, 51.0)},
+            "emitter": {"type": "area", "radiance": rgb(90.0, 84.0, 74.0)},
         },
         "studio": envmap(write_environment(STUDIO, folder / "studio.exr", 512)),
-        "view": camera((1.3, -4.6, 4.3), (0.1, -0.15, 0.1), 34.0, (400, 400)),
+        "view": camera((-0.5, -3.7, 4.5), (-0.12, 0.05, 0.1), 32.0, (400, 400)),
     }
 
 

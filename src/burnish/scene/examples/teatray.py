@@ -116,7 +116,7 @@ def tray() -> Mesh:
     rim = swept(path, sides, ups, refined(section, 0.15))
     # The floor: the inner outline shrunk to a point
     inner = path + section[0, 0] * sides
-    rings = np.linspace(0.0, 1.0, 5)[:, None, None] * inner[None]
+    rings = np.linspace(1.0, 0.0, 5)[:, None, None] * inner[None]
     rings[..., 2] = section[0, 1]
     floor = grid(rings, np.broadcast_to([0.0, 0.0, 1.0], rings.shape), rings[..., :2])
     return _planar(joined(rim, floor))
