@@ -8,6 +8,7 @@ root on Debian or Ubuntu; otherwise the command to type is printed and nothing e
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import os
 import re
@@ -21,6 +22,8 @@ VENV = HERE / ".venv"
 MINIMUM_PYTHON = (3, 11)
 MINIMUM_LLVM = 16
 """Dr.Jit's kernels kill the process inside older LLVM releases ("Cannot select: fminimum")."""
+ATOMIC = "libatomic.so.1"
+"""GCC's atomics, which Dr.Jit is linked with; small Linux installations lack them."""
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
@@ -113,6 +116,30 @@ def make_environment() -> None:
         "-e", f"{HERE}[dev]")  # fmt: skip
 
 
+def ensure_atomics() -> None:
+    """Dr.Jit cannot even be imported without libatomic, and says so badly."""
+    if not sys.platform.startswith("linux") or can_load(ATOMIC):
+        return
+    if can_apt():
+        run("apt-get", "update", "-q")
+        apt_install("libatomic1")
+    if not can_load(ATOMIC):
+        stop(
+            f"the library {ATOMIC} is missing. Type one of these, then make again:\n"
+            "  Debian, Ubuntu:  sudo apt-get update && sudo apt-get install libatomic1\n"
+            "  Fedora:          sudo dnf install libatomic"
+        )
+
+
+def can_load(library: str) -> bool:
+    """Whether the dynamic linker finds a library."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
 def device_problem() -> str:
     """Why the installed package finds no device to trace rays on; empty when it does."""
     question = (
@@ -124,8 +151,10 @@ def device_problem() -> str:
         "    print(error)\n"
     )
     answer = subprocess.run(
-        [VENV / "bin" / "python", "-c", question], stdout=subprocess.PIPE, text=True, check=True
+        [VENV / "bin" / "python", "-c", question], capture_output=True, text=True
     )
+    if answer.returncode:
+        stop(f"Mitsuba cannot be imported.\n{answer.stderr.rstrip()}")
     return answer.stdout.strip()
 
 
@@ -170,6 +199,7 @@ def main() -> None:
         return
     check_python()
     check_venv_module()
+    ensure_atomics()
     make_environment()
     ensure_device()
     say("done")
