@@ -27,7 +27,8 @@ LIGHT = '<emitter type="constant"/>'
 
 def row_of_spheres(count: int) -> str:
     shapes = "".join(
-        f'<shape type="sphere"><point name="center" x="{3 * i}"/><ref id="paint"/></shape>'
+        f'<shape type="sphere"><point name="center" x="{3 * i}" y="0" z="0"/>'
+        '<ref id="paint"/></shape>'
         for i in range(count)
     )
     return f'{CAMERA}{LIGHT}<bsdf type="diffuse" id="paint"/>{shapes}'

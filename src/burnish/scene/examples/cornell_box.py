@@ -14,7 +14,7 @@ WIDTH, HEIGHT, DEPTH = 5.528, 5.488, 5.592
 WHITE = (0.7295, 0.7355, 0.729)
 RED = (0.611, 0.0555, 0.062)
 GREEN = (0.117, 0.4125, 0.115)
-LIGHT = (30.0, 24.0, 16.0)
+LIGHT = (42.0, 34.0, 24.0)
 
 FINISH = dict.fromkeys(
     ("floor", "ceiling", "back", "left", "right", "small-box", "large-box"), glossed

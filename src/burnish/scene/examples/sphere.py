@@ -23,7 +23,7 @@ STUDIO = Room(
     ),
     walls=(0.28, 0.29, 0.31),
     floor=(0.2, 0.2, 0.2),
-    ambient=(0.4, 0.42, 0.46),
+    ambient=(0.25, 0.26, 0.28),
 )
 
 
@@ -39,7 +39,7 @@ def describe(folder: Path) -> dict[str, Any]:
                 "type": "roughplastic",
                 "distribution": "ggx",
                 "alpha": 0.04,
-                "diffuse_reflectance": rgb(0.45, 0.035, 0.03),
+                "diffuse_reflectance": rgb(0.3, 0.018, 0.016),
             },
         },
         "floor": {
@@ -49,8 +49,8 @@ def describe(folder: Path) -> dict[str, Any]:
                 "type": "diffuse",
                 "reflectance": {
                     "type": "checkerboard",
-                    "color0": rgb(0.55),
-                    "color1": rgb(0.16),
+                    "color0": rgb(0.45),
+                    "color1": rgb(0.09),
                     "to_uv": mi.ScalarTransform4f().scale([20.0, 20.0, 1.0]),
                 },
             },

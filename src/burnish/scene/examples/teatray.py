@@ -32,13 +32,13 @@ ROOM = Room(
     low=(-5.0, -4.0, -1.5),
     high=(5.0, 4.5, 2.6),
     panels=(
-        Panel("-x", (0.6, 0.75), (3.4, 2.4), (17.0, 19.0, 22.0), (3, 2), sky=0.45),
+        Panel("-x", (0.6, 0.75), (3.4, 2.4), (26.0, 28.5, 32.0), (3, 2), sky=0.45),
         Panel("+y", (1.6, 0.7), (1.5, 2.2), (9.0, 10.0, 11.5), (2, 2), sky=0.5),
-        Panel("+z", (1.2, -0.8), (2.0, 1.2), (12.0, 10.4, 8.4), soft=0.25),
+        Panel("+z", (1.2, -0.8), (2.0, 1.2), (11.0, 9.4, 7.4), soft=0.25),
     ),
-    walls=(0.62, 0.58, 0.52),
+    walls=(0.55, 0.5, 0.44),
     floor=(0.25, 0.17, 0.11),
-    ambient=(1.6, 1.5, 1.4),
+    ambient=(0.9, 0.88, 0.85),
 )
 
 
@@ -56,8 +56,8 @@ def describe(folder: Path) -> dict[str, Any]:
                 "inner": {
                     "type": "roughplastic",
                     "distribution": "ggx",
-                    "alpha": 0.06,
-                    "diffuse_reflectance": rgb(0.03, 0.16, 0.22),
+                    "alpha": 0.04,
+                    "diffuse_reflectance": rgb(0.02, 0.12, 0.19),
                 },
             },
         },
@@ -87,10 +87,10 @@ def describe(folder: Path) -> dict[str, Any]:
         "table": {
             "type": "rectangle",
             "to_world": mi.ScalarTransform4f().scale([60.0, 60.0, 1.0]),
-            "bsdf": {"type": "diffuse", "reflectance": rgb(0.52, 0.5, 0.47)},
+            "bsdf": {"type": "diffuse", "reflectance": rgb(0.44, 0.42, 0.4)},
         },
         "room": envmap(write_environment(ROOM, folder / "room.exr")),
-        "view": camera((3.4, -15.6, 7.8), (0.1, -0.1, 1.0), 41.0, (512, 384)),
+        "view": camera((3.4, -15.6, 7.4), (0.1, -0.1, 0.9), 43.0, (512, 384)),
     }
 
 

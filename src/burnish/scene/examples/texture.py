@@ -29,7 +29,7 @@ def write_wood(path: Path, planks: int = 5, width: int = 1024, height: int = 640
     # Fibres: streaks far longer than wide
     fibre = 0.6 * _noise(u * 16, v * 420, random) + 0.4 * _noise(u * 60, v * 900, random)
     tone = 0.62 * (1 - 0.62 * late) + 0.3 * fibre + random.uniform(-0.09, 0.09, planks)[plank]
-    pale, dark = np.array([0.78, 0.52, 0.29]), np.array([0.26, 0.115, 0.045])
+    pale, dark = np.array([0.5, 0.27, 0.12]), np.array([0.1, 0.038, 0.015])
     colour = dark + np.clip(tone, 0, 1)[..., None] * (pale - dark)
     # Seams between planks
     seam = np.minimum(within, 1 - within) * height / planks
