@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
@@ -56,7 +57,7 @@ class Address:
         value = layer.values[self.parameter]
         return math.sqrt(float(value)) if self.squared else value  # type: ignore[arg-type]
 
-    def write(self, material: Material, state: MaterialState, value: object) -> MaterialState:
+    def write(self, material: Material, state: MaterialState, value: Any) -> MaterialState:
         """The state with another value. Raises InvalidValue when it is out of range."""
         layer = state.layers[self.layer]
         where = f"{self.object}.{self.layer}."
@@ -120,9 +121,9 @@ def _fits(material: Material, alias: str) -> bool:
     return alias != "specular_color" or any(item.name == "diffuse" for item in material.layers)
 
 
-def _squared(value: object, where: str) -> float:
+def _squared(value: Any, where: str) -> float:
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not 0 <= number <= 1:

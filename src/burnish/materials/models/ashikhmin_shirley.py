@@ -72,8 +72,8 @@ class _AshikhminShirley(Model):
         return 2
 
     def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:
-        log_cos, cos2_phi = _half_angles(xp, half_vector(xp, wi, wo))
-        x = log_cos * self._power(cos2_phi, 1 - cos2_phi, fixed)
+        log_cos, cos2_phi, sin2_phi = _half_angles(xp, half_vector(xp, wi, wo))
+        x = log_cos * self._power(cos2_phi, sin2_phi, fixed)
         return xp.atan2(xp.sqrt(one_minus_exp(xp, 2 * x)), xp.exp(-x)) * (2 / xp.pi)
 
     def half_angle(self, t: Float64, phi: Float64, fixed: Fixed) -> tuple[Float64, Float64]:
@@ -87,7 +87,7 @@ class _AshikhminShirley(Model):
     def quotients(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> list[Any]:
         h = half_vector(xp, wi, wo)
         cos_d = xp.minimum(xp.maximum(dot(wi, h), 1e-6), 1.0)
-        log_cos, cos2_phi = _half_angles(xp, h)
+        log_cos, cos2_phi, _ = _half_angles(xp, h)
         lobe = self._frozen_lobe(xp, log_cos, cos2_phi, fixed)
         shared = lobe / (8 * xp.pi * cos_d * xp.maximum(wi.z, wo.z))
         return [shared * f for f in schlick_basis(cos_d, fixed["f0"])]
@@ -115,7 +115,8 @@ class _AshikhminShirley(Model):
 class AshikhminShirleyRatio(_AshikhminShirley):
     """The direction and amount of anisotropy edited, the exponent frozen (2008, eq. 33–35).
 
-    cosγ = (cosθh)^(nu sin²φh), f = cosʳγ.
+    cosγ = (cosθh)^(sin²φh), f = (cosγ)^(r nu): the factor γr^r of 2008, eq. 34, over the angle
+    of 2006, eq. 16, whose bins do not depend on nu.
 
     | parameter | range | meaning |
     |---|---|---|
@@ -134,10 +135,10 @@ class AshikhminShirleyRatio(_AshikhminShirley):
         return {"exponent": float(exponent), "f0": first_reflectance(values["color"])}  # type: ignore[arg-type]
 
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
-        return _cosine_power(t, float(values["ratio"]))  # type: ignore[arg-type]
+        return _cosine_power(t, float(values["ratio"]) * float(fixed["exponent"]))  # type: ignore[arg-type]
 
     def _power(self, cos2_phi: Any, sin2_phi: Any, fixed: Fixed) -> Any:
-        return fixed["exponent"] * sin2_phi
+        return sin2_phi
 
     def _frozen_lobe(self, xp: Maths, log_cos: Any, cos2_phi: Any, fixed: Fixed) -> Any:
         return xp.exp(-fixed["exponent"] * cos2_phi * log_cos)
@@ -181,11 +182,12 @@ class AshikhminShirleyWidth(_AshikhminShirley):
         return values["exponent"], values["ratio"]
 
 
-def _half_angles(xp: Maths, h: Vector) -> tuple[Any, Any]:
-    """−log cosθh, with its digits near the normal, and cos²φh."""
+def _half_angles(xp: Maths, h: Vector) -> tuple[Any, Any, Any]:
+    """−log cosθh, with its digits near the normal, and cos²φh and sin²φh, each with its own."""
     across = h.x * h.x + h.y * h.y
     log_cos = 0.5 * log_one_plus(xp, across / xp.maximum(h.z * h.z, 1e-12))
-    return log_cos, h.x * h.x / xp.maximum(across, 1e-20)
+    across = xp.maximum(across, 1e-20)
+    return log_cos, h.x * h.x / across, h.y * h.y / across
 
 
 def _cosine_power(t: Float64, exponent: float) -> Float64:
