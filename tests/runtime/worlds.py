@@ -14,7 +14,7 @@ from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.lambert import Lambert
 from burnish.transport.basis import Basis, EditableObject, State
 from burnish.transport.block import Tile
-from burnish.transport.compression import column_scale, compress_tile
+from burnish.transport.compression import compress_tile
 from burnish.transport.pack import TiledBlocks
 from burnish.transport.rows import Rows
 
@@ -110,9 +110,8 @@ def random_tile(
                 continue
             shape = (len(which), basis.columns(index, indirect), basis.tails, 3)
             T = rng.random(shape).astype(np.float32)
-            scale = column_scale(basis, index, indirect)
             blocks += compress_tile(
-                T, rows, which.astype(np.int32), view_width, scale, tolerance=0.0
+                T, rows, which.astype(np.int32), view_width, basis, tolerance=0.0
             )
             dense[index, indirect] = (which, T)
     fixed = rng.random((height, width, 3)).astype(np.float32)

@@ -7,7 +7,6 @@ import pytest
 
 from burnish.core.types import Float32
 from burnish.transport.compression import (
-    column_scale,
     column_scale_of,
     compress,
     compress_tile,
@@ -138,22 +137,22 @@ def test_a_tile_is_cut_into_squares_of_eight_pixels() -> None:
             "pixel": pixel,
         }
     )
-    scale = column_scale(basis, 0)
     rng = np.random.default_rng(7)
     T = rng.random((count, basis.columns(0), basis.tails, 3)).astype(np.float32)
     T[(pixel % width < 8) & (pixel // width < 8)] = 0
     which = np.arange(count, dtype=np.int32)
-    blocks = compress_tile(T, rows, which, width, scale, 0.0)
+    blocks = compress_tile(T, rows, which, width, basis, 0.0)
     joined = np.zeros_like(T)
     for block in blocks:
         x, y = pixel[block.rows] % width // 8, pixel[block.rows] // width // 8
         assert len(set(zip(x.tolist(), y.tolist(), strict=True))) == 1
         assert (np.diff(pixel[block.rows]) > 0).all()
-        joined[block.rows] = block.dense()
-    # Six squares, one of them dark
-    assert len(blocks) == 5
+        columns = slice(block.start, block.start + len(block.column_scale))
+        joined[block.rows, columns] = block.dense()
+    # Six squares, one of them dark; two layers each
+    assert len(blocks) == 5 * 2
     np.testing.assert_allclose(joined, T, rtol=3e-7)
-    assert compress_tile(T[:0], rows, which[:0], width, scale) == []
+    assert compress_tile(T[:0], rows, which[:0], width, basis) == []
 
 
 def test_narrow_bins_weigh_as_much_as_their_energy() -> None:

@@ -16,7 +16,7 @@ from burnish.precompute.tracer import Tracer
 from burnish.scene import Scene
 from burnish.transport.basis import Basis
 from burnish.transport.block import Block, Tile
-from burnish.transport.compression import column_scale, compress_tile, protected_tails
+from burnish.transport.compression import compress_tile
 from burnish.transport.rows import Rows
 
 PILOT_TILES = 3
@@ -58,18 +58,13 @@ def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: floa
     rectangle, view = plan.tiles[number], plan.tracer.view
     basis = plan.tracer.basis
     accumulator = Accumulator(plan.tracer, rectangle, plan.tile_rows(rectangle))
-    runs = accumulator.layout.runs
     for index, samples in enumerate(strata(spp)):
         accumulator.run(samples, tile_seed(seed, plan.name, number, index))
     blocks: list[Block] = []
-    protected = protected_tails(basis)
-    for run, T in zip(runs, accumulator.transport(), strict=True):
-        scale = column_scale(basis, run.object, run.indirect)
+    for run, T in zip(accumulator.layout.runs, accumulator.transport(), strict=True):
         lit = np.flatnonzero(T.reshape(len(T), -1).any(axis=1))
         which = (run.start + lit).astype(np.int32)
-        blocks += compress_tile(
-            T[lit], accumulator.rows, which, view.width, scale, tolerance, protected
-        )
+        blocks += compress_tile(T[lit], accumulator.rows, which, view.width, basis, tolerance)
     rows, blocks = _drop_unused(accumulator.rows, blocks)
     t = accumulator.target
     return Tile(

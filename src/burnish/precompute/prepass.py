@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import Bool, Int32
+from burnish.precompute.symbolic import NUMERIC, PLAIN
 from burnish.precompute.tracer import MIRROR_PDF, Tracer
 from burnish.transport.rows import Rows
 
@@ -28,13 +29,16 @@ class Geometry:
     sees_fixed: Bool
 
 
-def find_rows(tracer: Tracer, seed: int) -> Geometry:
-    """Count first encounters per (pixel, object), then average their geometry."""
+def find_rows(tracer: Tracer, seed: int, samples: int = SAMPLES) -> Geometry:
+    """Count first encounters per (pixel, object), then average their geometry.
+
+    samples: camera samples per pixel.
+    """
     view = tracer.view
     pixels, objects = view.width * view.height, len(tracer.basis.objects)
     counts = dr.zeros(mi.UInt32, max(pixels * objects, 1))
     fixed_seen = dr.zeros(mi.UInt32, pixels)
-    for pixel, sampler in _passes(tracer, seed):
+    for pixel, sampler in _passes(tracer, seed, samples):
         si, symbolic, rough, _ = _first_encounter(tracer, pixel, sampler)
         met = si.is_valid() & (symbolic >= 0)
         dr.scatter_add(counts, mi.UInt32(1), pixel * objects + mi.UInt32(symbolic), met)
@@ -56,9 +60,9 @@ def find_rows(tracer: Tracer, seed: int) -> Geometry:
         parts.append(_blank(indirect_pixel, i, True))
     rows = Rows.concatenate(parts)
     rows.weight[:] = np.where(
-        rows.indirect, 0, count[rows.pixel, rows.object] / SAMPLES
+        rows.indirect, 0, count[rows.pixel, rows.object] / samples
     ).astype(np.float32)
-    _average_geometry(tracer, seed, rows)
+    _average_geometry(tracer, seed, samples, rows)
     return Geometry(rows, rough)
 
 
@@ -80,14 +84,14 @@ def row_table(rows: Rows, pixels: int, objects: int) -> Int32:
     return table
 
 
-def _passes(tracer: Tracer, seed: int) -> Any:
+def _passes(tracer: Tracer, seed: int, samples: int) -> Any:
     """Lanes of camera samples, a few samples per pixel at a time."""
     pixels = tracer.view.width * tracer.view.height
-    per_pass = max(1, min(SAMPLES, LANES // pixels))
-    while SAMPLES % per_pass:
+    per_pass = max(1, min(samples, LANES // pixels))
+    while samples % per_pass:
         per_pass -= 1
     sampler = mi.load_dict({"type": "independent"})
-    for number in range(SAMPLES // per_pass):
+    for number in range(samples // per_pass):
         sampler.seed(seed + 7919 * number, pixels * per_pass)
         yield dr.arange(mi.UInt32, pixels * per_pass) // per_pass, sampler
 
@@ -106,20 +110,29 @@ def _first_encounter(tracer: Tracer, pixel: Any, sampler: Any) -> tuple[Any, Any
     ) -> tuple[Any, ...]:
         si = scene.ray_intersect(ray, mi.RayFlags.All, True, active)
         valid = active & si.is_valid()
-        _, found = tracer.object_of(si, valid)
+        obj, found = tracer.object_of(si, valid)
         met = valid & (found >= 0)
         hit = dr.select(met, si, hit)
         symbolic = dr.select(met, found, symbolic)
         plain = valid & ~met
-        bs, weight = si.bsdf(ray).sample(
-            mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), plain
-        )
+        u1, u2 = sampler.next_1d(), sampler.next_2d()
+        bs, weight = si.bsdf(ray).sample(mi.BSDFContext(), si, u1, u2, plain & (found == PLAIN))
         mirror = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta) | (bs.pdf >= MIRROR_PDF)
         reflects = plain & dr.any(weight != 0)
+        direction = mi.Vector3f(bs.wo)
+        if tracer.materials.any_numeric:
+            numeric = plain & (found == NUMERIC)
+            side = dr.select(si.wi.z < 0, -1.0, 1.0)
+            wo = mi.Vector3f(si.wi.x, si.wi.y, si.wi.z * side)
+            wi, pdf, is_delta = tracer.materials.sample(obj, wo, u1, u2)
+            wi.z *= side
+            direction = dr.select(numeric, wi, direction)
+            mirror = dr.select(numeric, is_delta | (pdf >= MIRROR_PDF), mirror)
+            reflects |= numeric & (pdf > 0)
         # A lobe is sampled both ways in time: one rough sample marks the pixel
         rough |= reflects & ~mirror
         depth += 1
-        ray = si.spawn_ray(si.to_world(bs.wo))
+        ray = si.spawn_ray(si.to_world(direction))
         return ray, hit, symbolic, rough, depth, reflects & mirror & (depth < bounces), sampler
 
     _, hit, symbolic, rough, _, _, _ = dr.while_loop(
@@ -153,12 +166,12 @@ def _blank(pixel: Any, index: int, indirect: bool) -> Rows:
     )
 
 
-def _average_geometry(tracer: Tracer, seed: int, rows: Rows) -> None:
+def _average_geometry(tracer: Tracer, seed: int, samples: int, rows: Rows) -> None:
     """Fill the means of position, normal, uv and outgoing cosine of the fine rows."""
     pixels, objects = tracer.view.width * tracer.view.height, len(tracer.basis.objects)
     table = mi.Int32(row_table(rows, pixels, objects).ravel())
     sums = dr.zeros(mi.Float, max(len(rows), 1) * 10)
-    for pixel, sampler in _passes(tracer, seed):
+    for pixel, sampler in _passes(tracer, seed, samples):
         si, symbolic, _, _ = _first_encounter(tracer, pixel, sampler)
         met = si.is_valid() & (symbolic >= 0)
         row = dr.gather(

@@ -1,13 +1,18 @@
-"""Editable materials as device tables, so that what is selected is data, not code.
+"""Materials as device tables, so that what is selected is data, not code.
 
 A kernel meets thousands of objects and layers through gathers: which object is symbolic,
 where its columns start, how many bins a layer has. Only the *models* that occur are part
 of the kernel's code. Selecting another object, or another number of bins, changes arrays
 and never recompiles.
+
+Three kinds of object meet a path: *symbolic* ones leave their columns open; *numeric* ones
+are materials of ours that are settled, evaluated from tables of fine coefficients; *plain*
+ones are left to Mitsuba's BSDF.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,15 +20,22 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from burnish.materials.layer import Layer
+from burnish.materials.coefficients import coefficients, conserved, outgoing
+from burnish.materials.layer import Layer, MaterialState
 from burnish.materials.model import Model
+from burnish.precompute.lobes import HalfAngleLobes, lobe_of
 from burnish.scene import Scene
 from burnish.scene.maths import drjit_maths
-from burnish.transport.basis import Basis, coarse_count
+from burnish.transport.basis import Basis, State, coarse_count
 
 NONE = 0xFFFFFFFF
+PLAIN, NUMERIC = -1, -2
 COSINE_SHARE = 0.5
 DELTA_SHARE = 0.25
+NUMERIC_BINS = 512
+"""Bins of a numeric material's layers: nothing is stored per pixel, so they may be many."""
+
+OUTGOING_NODES = 64
 
 
 @dataclass
@@ -44,23 +56,31 @@ class Terms:
 class SymbolicMaterials:
     """Tables over (scene object, layer slot) and the functions that read them.
 
-    scene objects that are in `basis` are symbolic; all others are fixed. `layered` lists
-    for every scene object the layers that code must be able to evaluate, symbolic or not.
+    Objects in `basis` are symbolic. numeric: the states of the objects that are evaluated
+    from tables; without it, those whose material Mitsuba's BSDF of the scene does not hold,
+    as the scene has them. follow: states of symbolic objects that sampling should follow.
     """
 
-    def __init__(self, scene: Scene, basis: Basis, compile_for: list[str] | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        basis: Basis,
+        numeric: State | None = None,
+        follow: State | None = None,
+    ) -> None:
         self.scene = scene
         self.basis = basis
         objects = scene.objects
-        # Compile for every object that may be selected, so that selecting changes arrays only
-        wanted = set(compile_for or []) | {item.id for item in basis.objects}
-        layered: list[tuple[Layer, ...]] = []
         position = {item.id: i for i, item in enumerate(basis.objects)}
+        self._numeric: State = settled(scene, position) if numeric is None else numeric
+        layered: list[tuple[Layer, ...]] = []
         for thing in objects:
             if thing.id in position:
                 layered.append(basis.objects[position[thing.id]].material.layers)
-            elif thing.id in wanted and thing.material is not None:
-                layered.append(thing.material.layers)
+            elif thing.id in self._numeric and thing.material is not None:
+                layered.append(
+                    tuple(layer.with_bins(NUMERIC_BINS) for layer in thing.material.layers)
+                )
             else:
                 layered.append(())
         self.slots = max((len(layers) for layers in layered), default=0)
@@ -81,7 +101,12 @@ class SymbolicMaterials:
             if layered[o]
             for group in thing.maps
         ]
+        self.layered = layered
+        self.any_numeric = bool(self._numeric)
         self._build(layered, position)
+        self.lobes = HalfAngleLobes(len(objects))
+        self._shape_lobes(follow or {})
+        self._tabulate()
 
     def _build(self, layered: list[tuple[Layer, ...]], position: dict[str, int]) -> None:
         basis, objects, S = self.basis, self.scene.objects, max(self.slots, 1)
@@ -98,7 +123,7 @@ class SymbolicMaterials:
         half = np.zeros((count, S), np.float32)
         variable = np.zeros((count, S), np.uint32)
         fixed: dict[str, np.ndarray] = {}
-        symbolic = np.full(count, -1, np.int32)
+        symbolic = np.full(count, PLAIN, np.int32)
         layers_of = np.zeros(count, np.uint32)
         groups_of = np.zeros(count, np.uint32)
         group_slot = np.zeros((count, S), np.uint32)
@@ -118,8 +143,8 @@ class SymbolicMaterials:
             groups_of[o] = len(groups)
             for g, group in enumerate(groups):
                 group_slot[o, g] = next(s for s, layer in enumerate(layers) if layer.group == group)
-            i = position.get(thing.id, -1)
-            symbolic[o] = i
+            i = position.get(thing.id, PLAIN)
+            symbolic[o] = i if i >= 0 or not layers else NUMERIC
             start = indirect = 0
             for s, layer in enumerate(layers):
                 model[o, s] = self.models.index(layer.model)
@@ -146,12 +171,11 @@ class SymbolicMaterials:
                 delta_share[o] = DELTA_SHARE if (delta_column[o] != NONE).any() else 0.0
                 glossy = half[o, : len(layers)].any()
                 half_share[o] = (1 - COSINE_SHARE) * (1 - delta_share[o]) if glossy else 0.0
+        self._shares = np.stack([half_share, delta_share])
         # Flat arrays; opaque, so that new numbers need no new kernel
         self.symbolic = _array(mi.Int32, symbolic)
         self.layers_of = _array(mi.UInt32, layers_of)
         self.groups_of = _array(mi.UInt32, groups_of)
-        self.half_share = _array(mi.Float, half_share)
-        self.delta_share = _array(mi.Float, delta_share)
         self.two_sided = _array(mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32))
         self._t = {
             "model": _array(mi.UInt32, model),
@@ -170,6 +194,57 @@ class SymbolicMaterials:
         self._square_spacings = bool(np.isin(spacing, (1.0, 2.0)).all())
         self._half = _array(mi.Float, half)
         self._fixed = {name: _array(mi.Float, table) for name, table in fixed.items()}
+
+    def _shape_lobes(self, follow: State) -> None:
+        """Let sampling follow the numeric materials, and half-way the given symbolic ones."""
+        half_share, delta_share = self._shares.astype(np.float32)
+        for o, (thing, layers) in enumerate(zip(self.scene.objects, self.layered, strict=True)):
+            numeric = thing.id in self._numeric
+            state = self._numeric.get(thing.id) or follow.get(thing.id)
+            if not layers or state is None or thing.material is None:
+                continue
+            cells, glossy, delta = lobe_of(layers, conserved(thing.material, state))
+            self.lobes.set(o, cells, 0.1 if numeric else 0.5)
+            if numeric:
+                delta_share[o] = min(delta, 0.9)
+                half_share[o] = (1 - delta_share[o]) * np.clip(glossy, 0.0, 0.9)
+                if glossy > 0:
+                    half_share[o] = max(half_share[o], 0.1 * (1 - delta_share[o]))
+            elif half_share[o] > 0:
+                share = 0.2 + 0.6 * glossy / max(1 - delta, 1e-6)
+                half_share[o] = (1 - delta_share[o]) * share
+        self.lobes.upload()
+        self.half_share = _array(mi.Float, half_share)
+        self.delta_share = _array(mi.Float, delta_share)
+
+    def follow(self, state: State) -> None:
+        """Change what sampling follows; no kernel is compiled anew."""
+        self._shape_lobes(state)
+
+    def _tabulate(self) -> None:
+        """Coefficients and outgoing factors of the numeric materials."""
+        S = max(self.slots, 1)
+        start = np.zeros(len(self.layered), np.uint32)
+        values: list[np.ndarray] = []
+        nodes = np.linspace(0.0, 1.0, OUTGOING_NODES)
+        factors = np.ones((len(self.layered), S, 2, OUTGOING_NODES, 3), np.float32)
+        total = 0
+        for o, (thing, layers) in enumerate(zip(self.scene.objects, self.layered, strict=True)):
+            if thing.id not in self._numeric or thing.material is None:
+                continue
+            state = conserved(thing.material, self._numeric[thing.id])
+            start[o] = total
+            for s, layer in enumerate(layers):
+                values.append(coefficients(layer, state.layers[layer.name]))
+                total += layer.columns
+                for kind in range(1 + int(layer.delta)):
+                    factor = outgoing(layer, state.layers[layer.name], nodes, bool(kind))
+                    if factor is not None:
+                        factors[o, s, kind] = factor
+        flat = np.concatenate(values) if values else np.zeros((1, 3))
+        self._coefficients = _array(mi.Float, flat.astype(np.float32))
+        self._coefficient_start = _array(mi.UInt32, start)
+        self._factors = _array(mi.Float, factors)
 
     # -- look-ups -------------------------------------------------------------------------
 
@@ -252,6 +327,27 @@ class SymbolicMaterials:
             result.append(Terms(column, bins, q, H[s]))
         return result
 
+    def contract(self, obj: Any, terms: list[Terms], wo: Any, delta: Any, active: Any) -> Any:
+        """The value of a numeric material's terms: Σ s(θo) c q H, linear RGB, no cosine."""
+        start = dr.gather(mi.UInt32, self._coefficient_start, obj, active)
+        position = dr.clip(wo.z, 0, 1) * (OUTGOING_NODES - 1)
+        node = dr.minimum(mi.UInt32(position), OUTGOING_NODES - 2)
+        within = position - mi.Float(node)
+        result = mi.Color3f(0)
+        for s, term in enumerate(terms):
+            value = mi.Color3f(0)
+            for k, q in enumerate(term.quotients):
+                lit = active & (q != 0)
+                column = start + term.column + k * term.stride
+                value += q * dr.gather(mi.Color3f, self._coefficients, column, lit)
+            entry = (obj * max(self.slots, 1) + s) * 2 + dr.select(delta, 1, 0)
+            entry = entry * OUTGOING_NODES + node
+            low = dr.gather(mi.Color3f, self._factors, entry, active)
+            high = dr.gather(mi.Color3f, self._factors, entry + 1, active)
+            value *= dr.lerp(low, high, within)
+            result += value if term.H is None else value * term.H
+        return dr.maximum(result, 0)
+
     def delta_columns(self, obj: Any, H: list[Any], active: Any) -> list[Terms]:
         """The delta columns of an object, for light from the mirror direction."""
         result = []
@@ -268,16 +364,14 @@ class SymbolicMaterials:
     def sample(self, obj: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
         """A direction for a first encounter: (wi, pdf per steradian, is the delta lobe).
 
-        A mixture of a cosine lobe and a lobe uniform over the bins of the half angle, so
-        that whatever the material becomes has been sampled. For the delta lobe the pdf is
-        the probability of choosing it.
+        A mixture of a cosine lobe and the object's half-angle lobe (see `lobes`), and of the
+        mirror direction where there is a delta column; there the pdf is its probability.
         """
         p_delta = dr.gather(mi.Float, self.delta_share, obj)
         p_half = dr.gather(mi.Float, self.half_share, obj)
         is_delta = u1 < p_delta
         is_half = ~is_delta & (u1 < p_delta + p_half)
-        # Uniform over bins that are spaced like θ = (π/2) u²
-        wi_half = reflect(wo, half_vector_of(u2))
+        wi_half = self.lobes.sample(obj, wo, u2)
         wi_cosine = mi.warp.square_to_cosine_hemisphere(u2)
         wi = dr.select(is_delta, mi.Vector3f(-wo.x, -wo.y, wo.z), dr.select(is_half, wi_half, wi_cosine))
         pdf = dr.select(is_delta, p_delta, self.pdf(obj, wi, wo))
@@ -287,7 +381,7 @@ class SymbolicMaterials:
         """Density per steradian of `sample`'s continuous lobes."""
         p_delta = dr.gather(mi.Float, self.delta_share, obj)
         p_half = dr.gather(mi.Float, self.half_share, obj)
-        density = p_half * half_lobe_pdf(wi, wo)
+        density = p_half * self.lobes.pdf(obj, wi, wo)
         density += (1 - p_delta - p_half) * dr.maximum(wi.z, 0) * dr.inv_pi
         return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
 
@@ -329,14 +423,15 @@ class SymbolicMaterials:
         """A direction for one layer: cosine for a broad one, half the bins for a glossy one."""
         share = self._layer_half_share(obj, slot)
         wi = dr.select(
-            u1 < share, reflect(wo, half_vector_of(u2)), mi.warp.square_to_cosine_hemisphere(u2)
+            u1 < share, self.lobes.sample(obj, wo, u2), mi.warp.square_to_cosine_hemisphere(u2)
         )
         return wi, self.pdf_layer(obj, slot, wi, wo)
 
     def pdf_layer(self, obj: Any, slot: Any, wi: Any, wo: Any) -> Any:
         """Density per steradian of `sample_layer`."""
         share = self._layer_half_share(obj, slot)
-        density = share * half_lobe_pdf(wi, wo) + (1 - share) * dr.maximum(wi.z, 0) * dr.inv_pi
+        density = share * self.lobes.pdf(obj, wi, wo)
+        density += (1 - share) * dr.maximum(wi.z, 0) * dr.inv_pi
         return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
 
     def _layer_half_share(self, obj: Any, slot: Any) -> Any:
@@ -344,31 +439,13 @@ class SymbolicMaterials:
         return (1 - COSINE_SHARE) * dr.gather(mi.Float, self._half, entry)
 
 
-def half_vector_of(u: Any) -> Any:
-    """A half vector whose angle is (π/2) u.x², uniform in azimuth."""
-    theta = (dr.pi / 2) * dr.square(u.x)
-    sin_theta, cos_theta = dr.sincos(theta)
-    sin_phi, cos_phi = dr.sincos(2 * dr.pi * u.y)
-    return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
-
-
-def half_lobe_pdf(wi: Any, wo: Any) -> Any:
-    """Density per steradian of wi when its half vector comes from `half_vector_of`.
-
-    p(θh) = du/dθ = 1/(π u); over the ring 2π sin θh; and dωh/dωi = 1/(4 ωo·ωh).
-    """
-    wh = dr.normalize(wi + wo)
-    # sin θh from x and y keeps its digits where the cosine has none
-    sin_theta = dr.sqrt(dr.square(wh.x) + dr.square(wh.y))
-    theta = dr.atan2(sin_theta, wh.z)
-    u = dr.sqrt(theta * (2 / dr.pi))
-    density = 1 / (2 * dr.square(dr.pi) * dr.maximum(u * sin_theta, 1e-12))
-    return density / (4 * dr.maximum(dr.dot(wo, wh), 1e-6))
-
-
-def reflect(wo: Any, wh: Any) -> Any:
-    """wo mirrored at wh."""
-    return 2 * dr.dot(wo, wh) * wh - wo
+def settled(scene: Scene, symbolic: Collection[str]) -> dict[str, MaterialState]:
+    """Materials of ours that Mitsuba's BSDF of the scene does not hold, as the scene has them."""
+    return {
+        thing.id: thing.material.initial
+        for thing in scene.objects
+        if thing.material is not None and thing.factory is None and thing.id not in symbolic
+    }
 
 
 def _array(kind: Any, values: np.ndarray) -> Any:

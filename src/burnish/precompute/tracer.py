@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.precompute.film import FilterSampler
-from burnish.precompute.symbolic import NONE, SymbolicMaterials, Terms
+from burnish.precompute.symbolic import NONE, NUMERIC, PLAIN, SymbolicMaterials, Terms
 from burnish.scene import Scene, View
 
 MIRROR_PDF = 4.0
@@ -180,18 +180,21 @@ class Tracer:
         active = path.active & si.is_valid() & (path.depth < self._bounces)
         obj, symbolic = self.object_of(si, active)
         edited = active & (symbolic >= 0)
-        plain = active & ~edited
+        plain = active & (symbolic == PLAIN)
+        numeric = active & (symbolic == NUMERIC)
         first = edited & (path.encounters == 0)
         second = edited & (path.encounters == 1) if self.coarse else mi.Bool(False)
         later = edited & ~first & ~second
 
         # The side that the path is on; what has only one side is black on the other
         wo = mi.Vector3f(si.wi)
-        flip = edited & (wo.z < 0) & (dr.gather(mi.UInt32, m.two_sided, obj, edited) != 0)
+        ours = edited | numeric
+        flip = ours & (wo.z < 0) & (dr.gather(mi.UInt32, m.two_sided, obj, ours) != 0)
         wo.z = dr.select(flip, -wo.z, wo.z)
-        edited &= wo.z > 0
+        edited, numeric = edited & (wo.z > 0), numeric & (wo.z > 0)
         first, second, later = first & edited, second & edited, later & edited
-        active = plain | edited
+        ours = edited | numeric
+        active = plain | ours
 
         # Look up the row that a first encounter opens
         fine = mi.Bool(path.mirror_chain)
@@ -202,7 +205,7 @@ class Tracer:
         path.encounters += dr.select(edited, mi.UInt32(1), 0)
 
         # A later encounter is with one layer or group, chosen at random
-        H = m.weight_maps(si, obj, edited)
+        H = m.weight_maps(si, obj, ours)
         slot, slot_weight = m.choose(obj, sampler.next_1d(), second)
         further = slot_weight * self._slot_map(H, slot)
         monomial = dr.select(
@@ -214,7 +217,7 @@ class Tracer:
         lit = active & (ds.pdf != 0)
         light_local = si.to_local(ds.d)
         wi = mi.Vector3f(light_local.x, light_local.y, dr.select(flip, -light_local.z, light_local.z))
-        above = lit & edited & (wi.z > 0)
+        above = lit & ours & (wi.z > 0)
         bsdf = si.bsdf(ray)
         u1, u2 = sampler.next_1d(), sampler.next_2d()
         value_plain, pdf_plain, bs, weight_plain = bsdf.eval_pdf_sample(
@@ -227,12 +230,16 @@ class Tracer:
             wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi)
         )
         path.pending = dr.select(later & above, later_light, 0)
-        path.pending += dr.select(path.encounters > 0, plain_light, 0)
-        path.fixed += dr.select(path.encounters == 0, plain_light, 0)
 
         # The light's own column at a first encounter, its own coarse bin at a second one
-        columns = m.columns(obj, wi, wo, H, fine, first & above)
-        value = dr.select(first, incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo))), 0)
+        columns = m.columns(obj, wi, wo, H, fine | numeric, (first | numeric) & above)
+        ours_light = incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo)))
+        value = dr.select(first, ours_light, 0)
+        if m.any_numeric:
+            reflected = m.contract(obj, columns, wo, mi.Bool(False), numeric & above)
+            plain_light += dr.select(numeric & above, ours_light * reflected, 0)
+        path.pending += dr.select(path.encounters > 0, plain_light, 0)
+        path.fixed += dr.select(path.encounters == 0, plain_light, 0)
         tail = mi.UInt32(0)
         if self.coarse:
             w, q = m.coarse_column(obj, slot, wi, wo, second & above)
@@ -246,18 +253,21 @@ class Tracer:
 
         # Sample the next direction
         wi_first, pdf_first, is_delta = m.sample(obj, wo, u1, u2)
-        wi_next = dr.select(first, wi_first, mi.warp.square_to_cosine_hemisphere(u2))
-        pdf_next = dr.select(first, pdf_first, wi_next.z * dr.inv_pi)
-        is_delta &= first
+        shaped = first | numeric
+        wi_next = dr.select(shaped, wi_first, mi.warp.square_to_cosine_hemisphere(u2))
+        pdf_next = dr.select(shaped, pdf_first, wi_next.z * dr.inv_pi)
+        is_delta &= shaped
         factor = dr.select(
-            first, mi.Color3f(dr.select(is_delta, 1, wi_next.z) / pdf_next), further
+            shaped, mi.Color3f(dr.select(is_delta, 1, wi_next.z) / pdf_next), further
         )
-        bounced = m.columns(obj, wi_next, wo, H, fine, first & ~is_delta)
+        bounced = m.columns(obj, wi_next, wo, H, fine | numeric, shaped & ~is_delta)
         if m.any_delta:
-            mirrored = m.delta_columns(obj, H, is_delta & fine)
+            mirrored = m.delta_columns(obj, H, is_delta & (fine | numeric))
             bounced = [
                 _select_terms(is_delta, a, b) for a, b in zip(mirrored, bounced, strict=True)
             ]
+        if m.any_numeric:
+            factor *= dr.select(numeric, m.contract(obj, bounced, wo, is_delta, numeric), 1)
         if self.coarse:
             wi_layer, pdf_layer = m.sample_layer(obj, slot, wo, u1, u2)
             wi_next = dr.select(second, wi_layer, wi_next)
@@ -276,7 +286,8 @@ class Tracer:
         path.throughput *= dr.select(plain, weight_plain, factor)
         path.previous_pdf = dr.select(plain, bs.pdf, pdf_next)
         path.previous_delta = dr.select(plain, plain_delta, is_delta)
-        path.mirror_chain &= plain & (plain_delta | (bs.pdf >= MIRROR_PDF))
+        mirror = dr.select(plain, plain_delta, is_delta) | (path.previous_pdf >= MIRROR_PDF)
+        path.mirror_chain &= ~edited & mirror
         path.previous = mi.Interaction3f(si)
         path.ray = si.spawn_ray(direction)
         path.depth += 1

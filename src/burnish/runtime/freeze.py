@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.core.parallel import parallel_map
-from burnish.core.types import Float32, Float64, Int32
+from burnish.core.types import Float32, Int32
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Frozen, FrozenPart, Powers
 from burnish.transport.pack import BlockSource, Pack
@@ -90,13 +90,13 @@ def freeze(
     rows, packs = source.rows, source.packs()
     _check_memory(source, packs, chosen, len(powers.exponents), memory)
 
-    kinds: dict[tuple[int, bool], list[Pack]] = {}
+    alike: dict[tuple[int, bool, int], list[Pack]] = {}
     for pack in packs:
-        kinds.setdefault((pack.object, pack.indirect), []).append(pack)
+        alike.setdefault((pack.object, pack.indirect, pack.start), []).append(pack)
     parts: list[FrozenPart] = []
-    for (index, indirect), members in sorted(kinds.items()):
+    for (index, _, _), members in sorted(alike.items()):
         contract = _keep_columns if index in chosen else _contract_columns
-        parts += contract(basis, rows, index, indirect, members, factors, state)
+        parts.append(contract(basis, rows, members, factors, state))
     return Frozen(
         basis=basis,
         targets=chosen,
@@ -161,30 +161,21 @@ def _contract_tails(pack: Pack, factors: Float32) -> Float32:
     return np.ascontiguousarray(product.reshape(-1, 3, n).transpose(1, 0, 2))
 
 
+def _columns_of(basis: Basis, pack: Pack) -> ColumnSlice:
+    """The columns of a pack, as a run of its object's that shares one outgoing factor."""
+    slices = basis.indirect_slices if pack.indirect else basis.slices
+    whole = next(piece for piece in slices(pack.object) if pack.start < piece.stop)
+    return replace(whole, start=pack.start, stop=pack.start + len(pack.column_scale))
+
+
 def _keep_columns(
-    basis: Basis,
-    rows: Rows,
-    index: int,
-    indirect: bool,
-    packs: list[Pack],
-    factors: Float32,
-    state: State,
-) -> list[FrozenPart]:
-    """F of a target's rows: one part for each slice of its columns."""
-    slices = basis.indirect_slices(index) if indirect else basis.slices(index)
+    basis: Basis, rows: Rows, packs: list[Pack], factors: Float32, state: State
+) -> FrozenPart:
+    """F of a target's rows, for the columns that the packs share."""
+    columns = _columns_of(basis, packs[0])
     members, starts = _members(packs)
     n = factors.shape[1]
-    parts = [
-        FrozenPart(
-            object=index,
-            indirect=indirect,
-            pixel=rows.pixel[members],
-            F=np.empty((3, len(members), (part.stop - part.start) * n), np.float32),
-            cos_theta_o=rows.cos_theta_o[members],
-            slice=part,
-        )
-        for part in slices
-    ]
+    F = np.empty((3, len(members), (columns.stop - columns.start) * n), np.float32)
 
     def work(pack: Pack, start: int) -> None:
         tails = _contract_tails(pack, factors)
@@ -195,88 +186,60 @@ def _keep_columns(
             U = pack.U[at[1] : end[1]].reshape(r, a)
             core = pack.core[:, :, at[2] : end[2]].astype(np.float32).reshape(3, -1, b)
             G = (core @ tails[:, at[3] : end[3]]).reshape(3, -1, a, n) * scale
-            G = G.transpose(0, 2, 1, 3).reshape(3, a, -1)
-            for part, out in zip(slices, parts, strict=True):
-                np.matmul(
-                    U,
-                    G[:, :, part.start * n : part.stop * n],
-                    out=out.F[:, first : first + r],
-                )
+            np.matmul(U, G.transpose(0, 2, 1, 3).reshape(3, a, -1), out=F[:, first : first + r])
 
     parallel_map(work, packs, starts)
-    return parts
+    first = packs[0]
+    return FrozenPart(
+        object=first.object,
+        indirect=first.indirect,
+        pixel=rows.pixel[members],
+        F=F,
+        cos_theta_o=rows.cos_theta_o[members],
+        slice=columns,
+    )
 
 
 def _contract_columns(
-    basis: Basis,
-    rows: Rows,
-    index: int,
-    indirect: bool,
-    packs: list[Pack],
-    factors: Float32,
-    state: State,
-) -> list[FrozenPart]:
-    """V of rows that first meet an object that is no target: one part."""
-    slices = basis.indirect_slices(index) if indirect else basis.slices(index)
+    basis: Basis, rows: Rows, packs: list[Pack], factors: Float32, state: State
+) -> FrozenPart:
+    """V of rows that first meet an object that is no target, for columns that packs share."""
+    first, columns = packs[0], _columns_of(basis, packs[0])
     members, starts = _members(packs)
-    cosines = rows.cos_theta_o[members]
-    outgoing: list[Float64 | None] = (
-        [None] * len(slices)
-        if indirect
-        else basis.outgoing_factors(index, state, cosines.astype(np.float64))
-    )
-    groups = _by_outgoing(slices, outgoing)
-    # Each group's coefficients, zero outside it, with the column weights undone
-    values = basis.column_coefficients(index, state, indirect) * packs[0].column_scale[:, None]
-    weights = np.zeros((3, len(groups), len(values)), np.float32)
-    for g, (parts_of_group, _) in enumerate(groups):
-        for part in parts_of_group:
-            weights[:, g, part.start : part.stop] = values[part.start : part.stop].T
-    n = factors.shape[1]
-    V = np.empty((len(groups), 3, len(members), n), np.float32)
+    # The columns' coefficients, with their weights undone
+    values = basis.column_coefficients(first.object, state, first.indirect)
+    values = values[columns.start : columns.stop] * first.column_scale[:, None]
+    weights = np.ascontiguousarray(values.T, dtype=np.float32)
+    V = np.empty((3, len(members), factors.shape[1]), np.float32)
 
     def work(pack: Pack, start: int) -> None:
         contracted = _apply_columns(pack.core, weights)
         tails = _contract_tails(pack, factors)
         for k, (r, a, b) in enumerate(pack.shape):
             at, end = pack.offsets[k], pack.offsets[k + 1]
-            first = start + int(at[0])
+            row = start + int(at[0])
             U = pack.U[at[1] : end[1]].reshape(r, a)
-            core = contracted[:, :, at[2] : end[2]].reshape(len(groups), 3, a, b)
-            np.matmul(U, core @ tails[:, at[3] : end[3]], out=V[:, :, first : first + r])
+            core = contracted[:, at[2] : end[2]].reshape(3, a, b)
+            np.matmul(U, core @ tails[:, at[3] : end[3]], out=V[:, row : row + r])
 
     parallel_map(work, packs, starts)
-    total = np.zeros((3, len(members), n), np.float32)
-    for values_of_group, (_, factor) in zip(V, groups, strict=True):
-        if factor is None:
-            total += values_of_group
-        else:
-            total += factor.T.astype(np.float32)[:, :, None] * values_of_group
-    return [FrozenPart(index, indirect, rows.pixel[members], total, cosines, None)]
+    cosines = rows.cos_theta_o[members]
+    if not first.indirect:
+        factor = basis.outgoing_factor(first.object, state, columns, cosines.astype(np.float64))
+        if factor is not None:
+            V *= factor.T.astype(np.float32)[:, :, None]
+    return FrozenPart(first.object, first.indirect, rows.pixel[members], V, cosines, None)
 
 
 def _apply_columns(core: np.ndarray, weights: Float32) -> Float32:
-    """Σ_c weights[h, g, c] core[h, c, N], widened chunk by chunk: float32 [g, 3, N]."""
+    """Σ_c weights[h, c] core[h, c, N], widened chunk by chunk: float32 [3, N]."""
     length = core.shape[2]
-    result = np.empty((weights.shape[1], 3, length), np.float32)
+    result = np.empty((3, length), np.float32)
     for h in range(3):
         for start in range(0, length, _CHUNK):
             part = core[h, :, start : start + _CHUNK].astype(np.float32)
-            result[:, h, start : start + _CHUNK] = weights[h] @ part
+            result[h, start : start + _CHUNK] = weights[h] @ part
     return result
-
-
-def _by_outgoing(
-    slices: Sequence[ColumnSlice], outgoing: Sequence[Float64 | None]
-) -> list[tuple[list[ColumnSlice], Float64 | None]]:
-    """Slices without an outgoing factor together, every other by itself."""
-    plain = [part for part, factor in zip(slices, outgoing, strict=True) if factor is None]
-    groups: list[tuple[list[ColumnSlice], Float64 | None]] = [(plain, None)] if plain else []
-    return groups + [
-        ([part], factor)
-        for part, factor in zip(slices, outgoing, strict=True)
-        if factor is not None
-    ]
 
 
 def _members(packs: Sequence[Pack]) -> tuple[Int32, list[int]]:

@@ -34,8 +34,8 @@ def write_tile(folder: Path, tile: Tile) -> None:
     """Write a tile as a new Zarr group. Raises OSError.
 
     rows_index: int32 [r, 3], pixel, object, indirect. rows_geometry: float32 [r, 10],
-    weight, position, normal, uv, cos_theta_o. blocks: int32 [k, 6], object, indirect, r, a,
-    b, columns, pack after pack; the blocks' numbers follow in that order in block_rows,
+    weight, position, normal, uv, cos_theta_o. blocks: int32 [k, 7], object, indirect,
+    first column, r, a, b, columns, pack after pack; the blocks' numbers follow in that order in block_rows,
     column_scale (once per pack), U, core and S as `Pack` has them, flattened.
     """
     rows, packs = tile.rows, packs_of(tile.blocks)
@@ -43,7 +43,7 @@ def write_tile(folder: Path, tile: Tile) -> None:
     arrays = {
         "rows_index": np.column_stack([rows.pixel, rows.object, rows.indirect]).astype(np.int32),
         "rows_geometry": geometry.astype(np.float32),
-        "blocks": _concatenated([_table(pack) for pack in packs], np.int32).reshape(-1, 6),
+        "blocks": _concatenated([_table(pack) for pack in packs], np.int32).reshape(-1, 7),
         "block_rows": _concatenated([pack.rows for pack in packs], np.int32),
         "column_scale": _concatenated([pack.column_scale for pack in packs], np.float32),
         "U": _concatenated([pack.U for pack in packs], np.float32),
@@ -131,9 +131,9 @@ def _read(group: zarr.Group, name: str, folder: Path) -> AnyArray:
 
 
 def _table(pack: Pack) -> AnyArray:
-    """int32 [blocks, 6] of a pack."""
+    """int32 [blocks, 7] of a pack."""
     count = len(pack.shape)
-    fixed = np.broadcast_to([pack.object, pack.indirect], (count, 2))
+    fixed = np.broadcast_to([pack.object, pack.indirect, pack.start], (count, 3))
     columns = np.full((count, 1), len(pack.column_scale))
     return np.concatenate([fixed, pack.shape, columns], axis=1).astype(np.int32)
 
@@ -150,8 +150,8 @@ def _concatenated(parts: list[AnyArray], empty: type[np.generic]) -> AnyArray:
 def _packs(a: dict[str, AnyArray], tails: int) -> list[Pack]:
     """Cut the flat arrays into packs; views, not copies."""
     table = a["blocks"]
-    key = table[:, 0] * 2 + table[:, 1]
-    cuts = [0, *(np.flatnonzero(np.diff(key)) + 1).tolist(), len(table)]
+    changes = np.diff(table[:, :3], axis=0).any(axis=1)
+    cuts = [0, *(np.flatnonzero(changes) + 1).tolist(), len(table)]
     at = dict.fromkeys(("block_rows", "column_scale", "U", "core", "S"), 0)
 
     def take(name: str, count: int) -> AnyArray:
@@ -163,9 +163,9 @@ def _packs(a: dict[str, AnyArray], tails: int) -> list[Pack]:
     for first, last in pairwise(cuts):
         if first == last:
             continue
-        shape = np.ascontiguousarray(table[first:last, 2:5])
+        shape = np.ascontiguousarray(table[first:last, 3:6])
         r, p, q = shape.T.astype(np.int64)
-        columns, cells = int(table[first, 5]), int((p * q).sum())
+        columns, cells = int(table[first, 6]), int((p * q).sum())
         packs.append(
             Pack(
                 object=int(table[first, 0]),
@@ -176,6 +176,7 @@ def _packs(a: dict[str, AnyArray], tails: int) -> list[Pack]:
                 core=take("core", 3 * columns * cells).reshape(3, columns, cells),
                 S=take("S", int(q.sum()) * tails).reshape(-1, tails),
                 column_scale=take("column_scale", columns),
+                start=int(table[first, 2]),
             )
         )
     return packs

@@ -25,9 +25,9 @@ component) extend the column or the tail axis and are described by the basis."""
 
 @dataclass
 class Block:
-    """Compressed transport of rows of one object and one kind.
+    """Compressed transport of rows of one object and one kind, for a run of their columns.
 
-    rows: int32 [r], indices into the tile's (later the view's) Rows, all of one object and
+    start: the first of the columns c, among the object's. rows: int32 [r], indices into the tile's (later the view's) Rows, all of one object and
       kind. U: float32 [r, a]. core: float32 or float16 [a, c, b, 3], still multiplied by
       the column weights. S: float32 [b, z]. column_scale: float32 [c], 1/w_c.
     """
@@ -39,6 +39,7 @@ class Block:
     core: np.ndarray
     S: Float32
     column_scale: Float32
+    start: int = 0
 
     def dense(self) -> Float32:
         """T: float32 [r, c, z, 3]."""

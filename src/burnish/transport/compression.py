@@ -107,18 +107,20 @@ def compress(
     column_scale: Float32,
     tolerance: float = DEFAULT_TOLERANCE,
     protected: Float32 | None = None,
+    start: int = 0,
 ) -> Block:
     """Compress the transport of one square's rows.
 
     T: float32 [r, c, z, 3], linear RGB. rows: int32 [r], what `Block.rows` will hold.
     column_scale: float32 [c], see `column_scale_of`. tolerance: the weighted relative L2
-    error allowed; 0 keeps every number in float32. protected: see `protected_tails`.
+    error allowed; 0 keeps every number in float32. protected: see `protected_tails`. start:
+    the first of the columns c among the object's.
     """
     if not T.any():
-        return _empty(T.shape, object_index, indirect, rows, column_scale)
+        return _empty(T.shape, object_index, indirect, rows, column_scale, start)
     weighted = T / column_scale[None, :, None, None]
     if tolerance <= 0.0:
-        return _lossless(weighted, object_index, indirect, rows, column_scale)
+        return _lossless(weighted, object_index, indirect, rows, column_scale, start)
     r, c, z, _ = T.shape
     if protected is None:
         protected = _orthonormal(np.ones((z, 1)))
@@ -145,6 +147,7 @@ def compress(
         indirect,
         rows,
         column_scale,
+        start,
     )
 
 
@@ -153,31 +156,46 @@ def compress_tile(
     rows: Rows,
     which: Int32,
     width: int,
-    column_scale: Float32,
+    basis: Basis,
     tolerance: float = DEFAULT_TOLERANCE,
-    protected: Float32 | None = None,
 ) -> list[Block]:
-    """Compress a tile's rows of one object and kind, square by square.
+    """Compress a tile's rows of one object and kind, square by square and layer by layer.
 
+    The columns of a diffuse layer and those of a lobe's bins differ in size and in noise by
+    orders of magnitude: together, the ranks would follow the noisiest of them.
     T: float32 [r, c, z, 3]. rows: the tile's rows. which: int32 [r], the rows of T among
-    them, all of one object and kind. width: pixels across the whole view. protected: see
-    `protected_tails`. Squares with no light at all give no block.
+    them, all of one object and kind. width: pixels across the whole view. Squares with no
+    light at all give no block.
     """
     if len(which) == 0:
         return []
+    index, indirect = int(rows.object[which[0]]), bool(rows.indirect[which[0]])
+    scale, protected = column_scale(basis, index, indirect), protected_tails(basis)
+    pieces = (basis.indirect_slices if indirect else basis.slices)(index)
     pixel = rows.pixel[which]
     square = (pixel // width // SQUARE).astype(np.int64) * (width // SQUARE + 1)
     square += pixel % width // SQUARE
     order = np.lexsort((pixel, square))
     cuts = np.flatnonzero(np.diff(square[order])) + 1
-    object_index, indirect = int(rows.object[which[0]]), bool(rows.indirect[which[0]])
 
-    def work(members: AnyArray) -> Block:
-        return compress(
-            T[members], object_index, indirect, which[members], column_scale, tolerance, protected
-        )
+    def work(members: AnyArray) -> list[Block]:
+        own = T[members]
+        return [
+            compress(
+                own[:, piece.start : piece.stop],
+                index,
+                indirect,
+                which[members],
+                scale[piece.start : piece.stop],
+                tolerance,
+                protected,
+                piece.start,
+            )
+            for piece in pieces
+        ]
 
-    return [block for block in parallel_map(work, np.split(order, cuts)) if block.U.size]
+    found = parallel_map(work, np.split(order, cuts))
+    return [block for blocks in found for block in blocks if block.U.size]
 
 
 def _orthonormal(columns: AnyArray) -> Float32:
@@ -247,6 +265,7 @@ def _scaled(
     indirect: bool,
     rows: Int32,
     column_scale: Float32,
+    start: int,
 ) -> Block:
     """A block whose half-precision core uses its range: each slice over a peaks at 1."""
     peak = np.abs(core).max(axis=(1, 2, 3))
@@ -259,11 +278,17 @@ def _scaled(
         core=(core / scale[:, None, None, None]).astype(np.float16),
         S=np.ascontiguousarray(S, dtype=np.float32),
         column_scale=column_scale,
+        start=start,
     )
 
 
 def _lossless(
-    weighted: Float32, object_index: int, indirect: bool, rows: Int32, column_scale: Float32
+    weighted: Float32,
+    object_index: int,
+    indirect: bool,
+    rows: Int32,
+    column_scale: Float32,
+    start: int,
 ) -> Block:
     r, _, z, _ = weighted.shape
     return Block(
@@ -274,6 +299,7 @@ def _lossless(
         weighted.astype(np.float32),
         np.eye(z, dtype=np.float32),
         column_scale,
+        start,
     )
 
 
@@ -283,6 +309,7 @@ def _empty(
     indirect: bool,
     rows: Int32,
     column_scale: Float32,
+    start: int,
 ) -> Block:
     r, c, z, _ = shape
     return Block(
@@ -293,4 +320,5 @@ def _empty(
         np.zeros((0, c, 0, 3), np.float16),
         np.zeros((0, z), np.float32),
         column_scale,
+        start,
     )

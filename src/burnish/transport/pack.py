@@ -1,4 +1,4 @@
-"""Packs: the blocks of one object and kind of a tile, laid side by side in a few arrays.
+"""Packs: a tile's blocks of the same columns, laid side by side in a few arrays.
 
 Thousands of small blocks contract slowly one by one. In a pack the columns of all blocks
 meet their coefficients in a single matrix product per channel, whatever the blocks' ranks.
@@ -21,7 +21,7 @@ from burnish.transport.rows import Rows
 
 @dataclass
 class Pack:
-    """Blocks k of one object and kind; r_k rows and ranks a_k, b_k each.
+    """Blocks k of one object, kind and first column; r_k rows and ranks a_k, b_k each.
 
     shape: int32 [blocks, 3], (r_k, a_k, b_k). rows: int32 [Σ r_k], block by block, indices
     into the view's (in a tile: the tile's) Rows. U: float32 [Σ r_k · a_k], each block's
@@ -38,6 +38,7 @@ class Pack:
     core: np.ndarray
     S: np.ndarray
     column_scale: Float32
+    start: int = 0
 
     @cached_property
     def offsets(self) -> np.ndarray:
@@ -52,9 +53,9 @@ class Pack:
 
     @staticmethod
     def of(blocks: Sequence[Block]) -> Pack:
-        """The pack of at least one block, all of one object and kind."""
+        """The pack of at least one block, all of the same columns."""
         first = blocks[0]
-        assert all((b.object, b.indirect) == (first.object, first.indirect) for b in blocks)
+        assert len({(b.object, b.indirect, b.start) for b in blocks}) == 1
         columns = len(first.column_scale)
         return Pack(
             object=first.object,
@@ -69,6 +70,7 @@ class Pack:
             ),
             S=np.concatenate([b.S for b in blocks]),
             column_scale=first.column_scale,
+            start=first.start,
         )
 
     def blocks(self) -> list[Block]:
@@ -86,16 +88,17 @@ class Pack:
                     np.ascontiguousarray(core.transpose(2, 1, 3, 0)),
                     self.S[at[3] : end[3]].astype(np.float32),
                     self.column_scale,
+                    self.start,
                 )
             )
         return result
 
 
 def packs_of(blocks: Sequence[Block]) -> list[Pack]:
-    """One pack for each object and kind that occurs."""
-    groups: dict[tuple[int, bool], list[Block]] = {}
+    """One pack for each object, kind and first column that occurs."""
+    groups: dict[tuple[int, bool, int], list[Block]] = {}
     for block in blocks:
-        groups.setdefault((block.object, block.indirect), []).append(block)
+        groups.setdefault((block.object, block.indirect, block.start), []).append(block)
     return [Pack.of(groups[key]) for key in sorted(groups)]
 
 
