@@ -15,6 +15,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -77,18 +78,21 @@ def made_up_tile(
     for index in range(len(basis.objects)):
         scale = column_scale(basis, index)
         mine = np.flatnonzero(owner == index)
-        for number in np.unique(square[mine]):
+        for number, piece in product(np.unique(square[mine]), basis.slices(index)):
             which = mine[square[mine] == number].astype(np.int32)
+            columns = piece.stop - piece.start
             a, b = min(ranks[0], len(which)), ranks[1]
+            core = rng.standard_normal((a, columns, b, 3), np.float32)
             blocks.append(
                 Block(
                     object=index,
                     indirect=False,
                     rows=which,
                     U=rng.standard_normal((len(which), a), np.float32),
-                    core=rng.standard_normal((a, len(scale), b, 3), np.float32).astype(np.float16),
+                    core=core.astype(np.float16),
                     S=rng.standard_normal((b, basis.tails), np.float32) / np.float32(11),
-                    column_scale=scale,
+                    column_scale=scale[piece.start : piece.stop],
+                    start=piece.start,
                 )
             )
     dark = np.zeros((height, width, 3), np.float32)
@@ -157,9 +161,7 @@ def measure(size: int, ranks: tuple[int, int]) -> dict[str, Any]:
         writer.close()
         on_disk = open_bundle(path).size
         open_ms = milliseconds(lambda: open_bundle(path), 3)
-        cold_ms = milliseconds(
-            lambda: freeze(open_bundle(path).views["view"], target, start), 3
-        )
+        cold_ms = milliseconds(lambda: freeze(open_bundle(path).views["view"], target, start), 3)
     freeze_bound = 1e3 * (stored + made) / speed
     frame_bound = 1e3 * made / speed
     return {

@@ -35,8 +35,9 @@ def write_tile(folder: Path, tile: Tile) -> None:
 
     rows_index: int32 [r, 3], pixel, object, indirect. rows_geometry: float32 [r, 10],
     weight, position, normal, uv, cos_theta_o. blocks: int32 [k, 7], object, indirect,
-    first column, r, a, b, columns, pack after pack; the blocks' numbers follow in that order in block_rows,
-    column_scale (once per pack), U, core and S as `Pack` has them, flattened.
+    first column, r, a, b, columns, pack after pack; the blocks' numbers follow in that
+    order in block_rows, column_scale (once per pack), U, core and S as `Pack` has them,
+    flattened.
     """
     rows, packs = tile.rows, packs_of(tile.blocks)
     geometry = np.column_stack([rows.weight, rows.position, rows.normal, rows.uv, rows.cos_theta_o])

@@ -27,9 +27,10 @@ component) extend the column or the tail axis and are described by the basis."""
 class Block:
     """Compressed transport of rows of one object and one kind, for a run of their columns.
 
-    start: the first of the columns c, among the object's. rows: int32 [r], indices into the tile's (later the view's) Rows, all of one object and
+    rows: int32 [r], indices into the tile's (later the view's) Rows, all of one object and
       kind. U: float32 [r, a]. core: float32 or float16 [a, c, b, 3], still multiplied by
-      the column weights. S: float32 [b, z]. column_scale: float32 [c], 1/w_c.
+      the column weights. S: float32 [b, z]. column_scale: float32 [c], 1/w_c. start: the
+      first of the columns c among the object's.
     """
 
     object: int
