@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from burnish.core.colour import colour_from_hex
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Value
-
-if TYPE_CHECKING:
-    from burnish.session import Session
 
 
 def parse_assignment(text: str) -> tuple[str, Value]:
@@ -27,18 +23,6 @@ def parse_assignment(text: str) -> tuple[str, Value]:
             f"got {text!r}"
         )
     return path, parse_value(written)
-
-
-def make_edit(session: Session, path: str, value: Value) -> None:
-    """Set a parameter, or a layer's weight, which every layer has beside its parameters.
-
-    Raises UnknownName, InvalidValue.
-    """
-    layer, _, name = path.rpartition(".")
-    if name == "weight" and not isinstance(value, (str, tuple)):
-        session.set_weight(layer, value)
-    else:
-        session.set(path, value)
 
 
 def parse_value(text: str) -> Value:

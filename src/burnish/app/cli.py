@@ -70,7 +70,7 @@ def edit_options(command: Command) -> Command:
             metavar="OBJECT.LAYER.PARAM=VALUE",
             multiple=True,
             help="One edit, may be given many times. VALUE: a number, R,G,B (linear), "
-            "#rrggbb (sRGB) or a choice. PARAM may be weight, which scales the layer.",
+            "#rrggbb (sRGB) or a choice. PARAM may be weight too.",
         ),
     ):
         command = option(command)

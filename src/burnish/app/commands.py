@@ -11,7 +11,6 @@ import click
 import burnish
 from burnish.app import opening
 from burnish.app.assignments import (
-    make_edit,
     parse_assignments,
     parse_bins,
     parse_resolution,
@@ -213,7 +212,7 @@ def make_edits(session: Session, edits: str | None, assignments: Sequence[str]) 
     if edits is not None:
         session.load(edits)
     for path, value in parsed:
-        make_edit(session, path, value)
+        session.set(path, value)
 
 
 def describe_info(said: dict[str, Any]) -> list[str]:

@@ -46,11 +46,16 @@ def compare_with_truth(
     """Compare a session's picture, as edited, with the path-traced truth.
 
     spp: of the truth, split into two halves that tell its noise. seconds_edit is the time
-    from the materials to the picture, freezing included.
+    from all materials to the picture, freezing included.
     """
+    from burnish.session import Session
+
     name = view or next(iter(session.views))
+    # A session of its own, which has frozen nothing yet
+    fresh = Session(session.views, session.objects, name=session.name)
     start = time.perf_counter()
-    image = session.frame(name)
+    fresh.restore(session.state)
+    image = fresh.frame(name)
     seconds_edit = time.perf_counter() - start
 
     start = time.perf_counter()

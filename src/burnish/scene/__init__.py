@@ -6,9 +6,10 @@ from burnish.core.errors import MissingRayTracer
 
 try:
     import mitsuba as _mitsuba  # noqa: F401
-except ImportError as error:
+except (ImportError, NameError) as error:
+    # Where a system library such as libatomic is missing, Dr.Jit answers with a NameError
     raise MissingRayTracer(
-        f"Mitsuba 3 cannot be imported here ({error}); it is needed to load a scene or trace "
+        f"Mitsuba 3 cannot be imported here ({error.__context__ or error}); it is needed to load a scene or trace "
         "rays: pip install mitsuba. A baked bundle opens and edits without it"
     ) from error
 
