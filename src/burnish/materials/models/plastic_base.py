@@ -28,6 +28,8 @@ from burnish.materials.parameter import Parameter
 
 POWERS = (0, 1, 2, 4, 7, 12, 20, 40)
 """The initial T is kept as Σ_i t_i (1 − cosθ)^p_i: smooth numbers that a kernel can gather."""
+OUTGOING_NODES = 2017
+"""Samples of s(θo) for all rows of a picture: 32 between two of the transmittance's table."""
 EXTRA_POWERS = (0, 2, 8)
 """(1 − cosθ)^p that let T change with roughness and ior; p = 0 keeps its energy exact."""
 
@@ -109,9 +111,10 @@ class PlasticBase(Model):
         return np.ones((len(t), 1))
 
     def outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64 | None:
-        cos = np.maximum(cos_theta_o, 1e-3)
-        now = transmittance(self.distribution, *_coat(values), cos)
-        return np.asarray(now / np.maximum(_initial(cos, fixed), 1e-6))[:, None]
+        cos = np.linspace(0.0, 1.0, OUTGOING_NODES)
+        now = transmittance(self.distribution, *_coat(values), np.maximum(cos, 1e-3))
+        ratio = now / np.maximum(_initial(np.maximum(cos, 1e-3), fixed), 1e-6)
+        return np.asarray(np.interp(cos_theta_o, cos, ratio))[:, None]
 
     def evaluate(self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any]) -> list[Any]:
         alpha, ior = _coat(values)

@@ -17,8 +17,8 @@ from burnish.materials.models.optics import (
 
 TABLE_SIZE = 64
 """Samples over cosθ, as in Mitsuba, which interpolates them linearly; so is done here."""
-SLOPE_NODES = 40
-AZIMUTH_NODES = 24
+SLOPE_NODES = 24
+AZIMUTH_NODES = 10
 
 
 def transmittance(
@@ -27,7 +27,7 @@ def transmittance(
     """T(θ; α, ior): share of a beam from outside that enters: float64 like `cos_theta`.
 
     E[G1(ωt) (1 − F)] over visible microfacet normals (Walter et al. 2007); 1 − F(θ) for a
-    perfectly smooth interface. Accurate to 3e-3 against Mitsuba's own 32 × 32-point rule.
+    perfectly smooth interface. Within 3e-3 of what Mitsuba's own 32 × 32-point rule gives.
     """
     if alpha < SMALLEST_ROUGHNESS:
         return np.asarray(1 - fresnel_dielectric(numpy_maths, cos_theta, ior))
@@ -61,28 +61,35 @@ def _visible_mean(
     """E[G1 · F] of reflected, or E[G1 · (1 − F)] of refracted light, over visible normals.
 
     Normals by their slope tan θm = α r, with r inverted from its distribution function, and
-    the azimuth up to where they turn away from the direction.
+    by azimuth up to where they turn away from the direction, with a break where total
+    reflection begins. T is accurate to 5e-5, the internal reflectance to 3e-3.
     """
     x, x_weight = np.polynomial.legendre.leggauss(SLOPE_NODES)
-    y, y_weight = np.polynomial.legendre.leggauss(AZIMUTH_NODES)
-    x, x_weight, y, y_weight = (x + 1) / 2, x_weight / 2, (y + 1) / 2, y_weight / 2
-    cdf, density = 1 - (1 - x) ** 2, 2 * (1 - x) * x_weight
+    cdf, density = 1 - ((1 - x) / 2) ** 2, (1 - x) / 2 * x_weight
     slope2 = -np.log1p(-cdf) if distribution == "beckmann" else cdf / (1 - cdf)
     tan_m = (alpha * np.sqrt(slope2))[None, :, None]
     mu = cos[:, None, None]
-    tan_i = np.sqrt(np.maximum(1 - mu * mu, 0.0)) / mu
-    limit = np.arccos(np.clip(-1 / np.maximum(tan_i * tan_m, 1e-12), -1, 1))
-    # (ω·m) / (cosθ cosθm), and its mean over the whole circle
-    facing = np.maximum(1 + tan_i * tan_m * np.cos(limit * y), 0.0)
-    weight = facing * limit * y_weight / np.pi * density[None, :, None]
+    slopes = np.maximum(np.sqrt(np.maximum(1 - mu * mu, 0.0)) / mu * tan_m, 1e-12)
     cos_m = 1 / np.sqrt(1 + tan_m * tan_m)
-    cos_d = facing * mu * cos_m
-    fresnel = fresnel_dielectric(numpy_maths, cos_d, eta)
-    if reflected:
-        leaving, share = 2 * cos_d * cos_m - mu, fresnel
-    else:
-        cos_t = np.sqrt(np.maximum(1 - (1 - cos_d * cos_d) / (eta * eta), 0.0))
-        leaving, share = mu / eta - (cos_d / eta - cos_t) * cos_m, 1 - fresnel
-    seen = masking(numpy_maths, distribution, np.maximum(leaving, 1e-6), alpha) * (leaving > 0)
-    first = masking(numpy_maths, distribution, cos, alpha)
-    return np.asarray(first * np.sum(share * seen * weight, axis=(1, 2)))
+    limit = np.arccos(np.clip(-1 / slopes, -1, 1))
+    critical = np.sqrt(max(1 - eta * eta, 0.0)) / (mu * cos_m)
+    middle = np.minimum(np.arccos(np.clip((critical - 1) / slopes, -1, 1)), limit)
+    y, y_weight = np.polynomial.legendre.leggauss(AZIMUTH_NODES)
+    y, y_weight = (y + 1) / 2, y_weight / 2
+    result = np.zeros(len(cos))
+    for start, stop in ((0.0 * limit, middle), (middle, limit)):
+        # (ω·m) / (cosθ cosθm), and its weight in the mean over the whole circle
+        facing = np.maximum(1 + slopes * np.cos(start + (stop - start) * y), 0.0)
+        weight = facing * (stop - start) * y_weight / np.pi * density[None, :, None]
+        cos_d = facing * mu * cos_m
+        fresnel = fresnel_dielectric(numpy_maths, cos_d, eta)
+        if reflected:
+            leaving, share = 2 * cos_d * cos_m - mu, fresnel
+        else:
+            cos_t = np.sqrt(np.maximum(1 - (1 - cos_d * cos_d) / (eta * eta), 0.0))
+            leaving, share = mu / eta - (cos_d / eta - cos_t) * cos_m, 1 - fresnel
+        seen = masking(numpy_maths, distribution, np.maximum(leaving, 1e-6), alpha)
+        result += np.sum(share * seen * (leaving > 0) * weight, axis=(1, 2))
+        if (stop >= limit).all():
+            break
+    return np.asarray(masking(numpy_maths, distribution, cos, alpha) * result)
