@@ -78,6 +78,20 @@ def test_our_bsdf_is_mitsuba_s_plugin(name: str) -> None:
     agree(theirs, ours)
 
 
+@pytest.mark.verify
+@pytest.mark.parametrize("roughness", [0.05, 0.15, 0.6])
+@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+def test_our_bsdf_is_mitsuba_s_plugin_over_its_range(distribution: str, roughness: float) -> None:
+    plugin = {**PLUGINS["roughconductor"], "distribution": distribution}
+    scene = ball(plugin)
+    material = scene.object("ball").material
+    assert material is not None
+    state = {"ball": edited(material.initial, "specular", roughness=roughness)}
+    theirs = PathTracedTruth(scene, 3).estimate(state, spp=16384, seed=1)
+    ours = PathTracedTruth(without_plugins(scene), 3).estimate(state, spp=16384, seed=2)
+    agree(theirs, ours)
+
+
 @pytest.mark.parametrize("name", ["textured", "conductor", "plastic"])
 def test_maps_and_mirrors_reach_the_series(name: str) -> None:
     scene = ball(PLUGINS[name])

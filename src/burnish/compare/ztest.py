@@ -2,8 +2,9 @@
 
 A Z-test per pixel and channel alone would miss a small error that is everywhere, so the
 same test is made on the means of growing squares up to the whole picture. A picture passes
-when no square differs; Šidák's correction over all tests keeps the chance that equal
-pictures fail at the significance asked for (a little below it, since squares overlap).
+when no square differs. Šidák's correction, over the squares of a size and then over the
+sizes, keeps the chance that equal pictures fail at the significance asked for (a little
+below it, since squares overlap), and lets the few large squares not pay for the many pixels.
 """
 
 from __future__ import annotations
@@ -24,52 +25,51 @@ ROUNDING = 2e-5
 class Level:
     """The test on the means of squares of side `side` (cut at the border).
 
-    z: float64 [rows, columns, 3], the difference in standard deviations. smallest_p: the
-    smallest two-sided p-value in the level, uncorrected.
+    z: float64 [rows, columns, 3], the difference in standard deviations.
     """
 
     side: int
     z: Float64
-    smallest_p: float
+
+    @property
+    def p(self) -> float:
+        """Chance of so large a |z| anywhere in the level, the pictures being equal."""
+        return _any_of(float(two_sided(np.abs(self.z).max())), self.z.size)
 
 
 @dataclass(frozen=True)
 class ZTest:
     """The verdict on two pictures.
 
-    levels: pixels first, the whole picture last. threshold: Šidák's per-test significance.
-    relative_sigma: median over pixels and channels of σ/μ, σ of the noisier picture: the
-    budget is large enough for a verdict when it is at most 0.02.
+    levels: pixels first, the whole picture last. relative_sigma: median over pixels and
+    channels of σ/μ, σ of the noisier picture: the budget is large enough for a verdict when
+    it is at most 0.02.
     """
 
     levels: tuple[Level, ...]
     significance: float
-    tests: int
     relative_sigma: float
 
     @property
-    def threshold(self) -> float:
-        return -math.expm1(math.log1p(-self.significance) / self.tests)
-
-    @property
-    def smallest_p(self) -> float:
-        return min(level.smallest_p for level in self.levels)
+    def p(self) -> float:
+        """Chance of so large a difference anywhere, the pictures being equal."""
+        return _any_of(min(level.p for level in self.levels), len(self.levels))
 
     @property
     def passed(self) -> bool:
-        return self.smallest_p > self.threshold
+        return self.p > self.significance
 
     def p_values(self) -> Float64:
         """Two-sided p-value of every pixel and channel: float64 [height, width, 3]."""
         return two_sided(self.levels[0].z)
 
     def __str__(self) -> str:
-        worst = min(self.levels, key=lambda level: level.smallest_p)
+        worst = min(self.levels, key=lambda level: level.p)
         at = np.unravel_index(int(np.abs(worst.z).argmax()), worst.z.shape)
         return (
-            f"{'passed' if self.passed else 'FAILED'}: smallest p {self.smallest_p:.2e} "
-            f"(z = {worst.z[at]:+.2f}) in the {worst.side}-pixel square {int(at[1])},{int(at[0])} "
-            f"channel {int(at[2])}; limit {self.threshold:.2e} for {self.tests} tests; "
+            f"{'passed' if self.passed else 'FAILED'}: p = {self.p:.2e} at significance "
+            f"{self.significance:g}; worst z = {worst.z[at]:+.2f} in the {worst.side}-pixel square "
+            f"{int(at[1])},{int(at[0])}, channel {int(at[2])}; "
             f"median relative sigma {self.relative_sigma:.4f}"
         )
 
@@ -113,15 +113,14 @@ def ztest(
         total = np.sqrt(_pool(variance, side) + _pool(rounding, side) ** 2)
         gap = _pool(difference, side)
         z = np.divide(gap, total, out=np.zeros_like(gap), where=total > 0)
-        levels.append(Level(side, z, float(two_sided(np.abs(z).max()))))
+        levels.append(Level(side, z))
         if side >= largest:
             break
         side = min(side * growth, largest)
     sigma, level = np.sqrt(np.maximum(va, vb)), np.abs(a + b) / 2
     lit = level > 0
     relative = float(np.median(sigma[lit] / level[lit])) if lit.any() else 0.0
-    tests = sum(item.z.size for item in levels)
-    return ZTest(tuple(levels), significance, tests, relative)
+    return ZTest(tuple(levels), significance, relative)
 
 
 def _pool(values: Float64, side: int) -> Float64:
@@ -133,6 +132,11 @@ def _pool(values: Float64, side: int) -> Float64:
 def two_sided(z: Float64) -> Float64:
     """P(|Z| ≥ |z|) of a standard normal Z, elementwise."""
     return np.asarray(_erfc(np.abs(z) / math.sqrt(2)))
+
+
+def _any_of(p: float, tests: int) -> float:
+    """Chance that the smallest of `tests` independent p-values is p or less (Šidák 1967)."""
+    return -math.expm1(tests * math.log1p(-p)) if p < 1 else 1.0
 
 
 _erfc = np.vectorize(math.erfc, otypes=[np.float64])
