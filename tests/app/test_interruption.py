@@ -27,6 +27,13 @@ main(["bake", "cornell-box", "-o", "out.burnish", "--resolution", "24x24", "--se
 """The bake of the command line in nine tiles."""
 
 
+def finish(cwd: Path, *options: str) -> None:
+    """Run the bake to its end."""
+    process = start(cwd, *options)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+
+
 def start(cwd: Path, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-c", BAKE, *options], cwd=cwd, stderr=subprocess.PIPE, text=True
@@ -52,7 +59,7 @@ def test_an_interrupted_bake_goes_on(tmp_path: Path, how: signal.Signals) -> Non
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     whole.mkdir()
     cut.mkdir()
-    assert start(whole).wait(timeout=120) == 0
+    finish(whole)
     code, err = cut_off(cut, how)
     if how is signal.SIGINT:
         assert code == 130
@@ -61,9 +68,7 @@ def test_an_interrupted_bake_goes_on(tmp_path: Path, how: signal.Signals) -> Non
     assert not (cut / "out.burnish").exists()
     kept = partial_path(cut / "out.burnish") / "views" / "view" / "0"
     before = kept.stat().st_mtime_ns
-    process = start(cut, "--resume")
-    _, err = process.communicate(timeout=120)
-    assert process.returncode == 0, err
+    finish(cut, "--resume")
     assert (cut / "out.burnish" / "views" / "view" / "0").stat().st_mtime_ns == before
     assert not partial_path(cut / "out.burnish").exists()
     frames = [burnish.edit(folder / "out.burnish").frame() for folder in (whole, cut)]

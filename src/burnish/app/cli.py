@@ -261,8 +261,9 @@ def exit_code(work: Callable[[], object]) -> int:
     except click.ClickException as error:
         return complain(error.format_message())
     except (KeyboardInterrupt, click.Abort) as interruption:
-        # A note says what was kept and how to go on.
-        notes = getattr(interruption, "__notes__", ["stopped; nothing was written"])
+        # Click wraps the interruption, whose note says what was kept and how to go on
+        cause = interruption.__cause__ or interruption
+        notes = getattr(cause, "__notes__", ["stopped; nothing was written"])
         click.echo(f"burnish: {' '.join(notes)}", err=True)
         return INTERRUPTED
     except BrokenPipeError:

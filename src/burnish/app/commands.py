@@ -186,10 +186,11 @@ def info(source: str, as_json: bool) -> None:
     if opening.names_bundle(source):
         said = opening.open_bundle(source).info()
     else:
-        from burnish.app.baking import describe
         from burnish.transport.basis import Basis, EditableObject
 
         scene = burnish.load(source)
+        from burnish.app.baking import describe
+
         objects = tuple(
             EditableObject(item.id, item.material) for item in scene.objects if item.material
         )
