@@ -1,5 +1,5 @@
 // The websocket: it reconnects by itself and sends drags once per displayed frame.
-import { readFrame, type Frame } from "./frames";
+import { frameNumber, readFrame, type Frame } from "./frames";
 import { VERSION, type FromServer, type ToServer } from "./messages";
 
 export type Link = "connecting" | "open" | "lost" | "outdated";
@@ -52,7 +52,11 @@ export class Connection {
         .then((frame) => {
           if (frame) this.handlers.onFrame(frame);
         })
-        .catch((error: unknown) => console.error("frame dropped:", error));
+        .catch((error: unknown) => {
+          console.error("frame dropped:", error);
+          // The server waits for word of it before it sends the next.
+          this.send({ type: "Shown", frame: frameNumber(data) });
+        });
     };
     socket.onclose = (event) => {
       if (this.socket !== socket) return;

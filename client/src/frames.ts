@@ -20,6 +20,11 @@ export interface Frame {
 
 const HEADER_BYTES = 32;
 
+/** The number of the frame that a message holds. */
+export function frameNumber(message: ArrayBuffer): number {
+  return message.byteLength < HEADER_BYTES ? 0 : new DataView(message).getUint32(24, true);
+}
+
 /** Read a message; `null` for one that is no frame. */
 export async function readFrame(message: ArrayBuffer): Promise<Frame | null> {
   if (message.byteLength < HEADER_BYTES) return null;

@@ -6,6 +6,8 @@ between neighbours gives the polynomial its mixed terms. No ray tracer takes par
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from burnish.core.types import Float32, Float64, Progress
@@ -16,7 +18,7 @@ from burnish.materials.models.lambert import Lambert
 from burnish.session import ObjectInfo, Session
 from burnish.transport.basis import Basis, EditableObject, State
 from burnish.transport.block import Tile
-from burnish.transport.compression import column_scale, compress_tile
+from burnish.transport.compression import compress_tile
 from burnish.transport.pack import TiledBlocks
 from burnish.transport.rows import Rows
 
@@ -35,6 +37,7 @@ def editable(name: str, colour: tuple[float, float, float], bins: int = 24) -> E
     return EditableObject(name, Material(layers, MaterialState(state)))
 
 
+@cache
 def basis() -> Basis:
     """Three objects, two bounces."""
     colours = [(0.55, 0.16, 0.10), (0.45, 0.45, 0.42), (0.12, 0.30, 0.40)]
@@ -43,6 +46,7 @@ def basis() -> Basis:
     )
 
 
+@cache
 def world(width: int = 160, height: int = 112, turn: float = 0.0) -> TiledBlocks:
     """The scene seen from the front, or from `turn` radians to the side."""
     symbols = basis()
@@ -71,9 +75,8 @@ def world(width: int = 160, height: int = 112, turn: float = 0.0) -> TiledBlocks
     for i in range(len(NAMES)):
         members = np.flatnonzero(owner == i)
         transport = _transport(symbols, i, position[members], normal[members], wo[members])
-        scale = column_scale(symbols, i, False)
         blocks += compress_tile(
-            transport, rows, members.astype(np.int32), width, scale, tolerance=0.0
+            transport, rows, members.astype(np.int32), width, symbols, tolerance=0.0
         )
     sky = np.zeros((height * width, 3), np.float32)
     sky[index < 0] = (0.10, 0.11, 0.12)

@@ -1,5 +1,5 @@
 // A number box: typed values are checked against the hard limits when they are entered.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useRef, useState } from "preact/hooks";
 
 export interface NumberBoxProps {
   value: number;
@@ -20,7 +20,6 @@ export function short(value: number): string {
 export function NumberBox({ value, minimum, maximum, label, unit, onChange }: NumberBoxProps) {
   const [text, setText] = useState<string | null>(null);
   const input = useRef<HTMLInputElement>(null);
-  useEffect(() => setText(null), [value]);
 
   const commit = () => {
     if (text === null) return;

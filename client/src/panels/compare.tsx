@@ -66,7 +66,7 @@ export function Compare() {
         </select>
         {running ? (
           <button class="wide" onClick={model.cancelPathTrace}>
-            Stop the reference
+            Stop
           </button>
         ) : (
           <button
@@ -75,7 +75,7 @@ export function Compare() {
             title={unavailable || "Path-trace the present materials in the background"}
             onClick={() => model.pathTrace(model.shownViews.value[0] ?? "", spp.value)}
           >
-            Path-trace reference
+            Path-trace
           </button>
         )}
       </div>

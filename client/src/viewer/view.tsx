@@ -11,6 +11,7 @@ import { OPERATORS } from "./shaders";
 
 const COMPARISONS: model.Comparison[] = ["off", "wipe", "other", "difference"];
 const GLOW_MS = 1100;
+const still = matchMedia("(prefers-reduced-motion: reduce)");
 const CLICK_PIXELS = 4;
 
 /** What other parts of the page may ask of a shown view. */
@@ -89,8 +90,16 @@ class Controller implements ViewHandle {
   ) {
     this.name = data.name;
     this.stops.push(model.onFrame((frame) => this.take(frame)));
-    const observer = new ResizeObserver(() => this.resize());
-    observer.observe(canvas);
+    const observer = new ResizeObserver(([entry]) => {
+      // Exact at every scale of the screen, where the browser tells it.
+      const exact = entry?.devicePixelContentBoxSize?.[0];
+      this.resize(exact?.inlineSize, exact?.blockSize);
+    });
+    try {
+      observer.observe(canvas, { box: "device-pixel-content-box" });
+    } catch {
+      observer.observe(canvas);
+    }
     this.stops.push(() => observer.disconnect());
     const listen = <K extends keyof HTMLElementEventMap>(
       kind: K,
@@ -112,7 +121,7 @@ class Controller implements ViewHandle {
         const now = model.selected.value.join();
         if (now !== lastSelected) {
           lastSelected = now;
-          this.glowUntil = performance.now() + GLOW_MS;
+          if (!still.matches) this.glowUntil = performance.now() + GLOW_MS;
         }
         // Everything that the look reads; a change of any of it draws anew.
         gainOf();
@@ -198,10 +207,10 @@ class Controller implements ViewHandle {
     };
   }
 
-  private resize(): void {
+  private resize(exactWidth?: number, exactHeight?: number): void {
     const { clientWidth, clientHeight } = this.canvas;
-    const width = Math.max(Math.round(clientWidth * devicePixelRatio), 1);
-    const height = Math.max(Math.round(clientHeight * devicePixelRatio), 1);
+    const width = Math.max(exactWidth ?? Math.round(clientWidth * devicePixelRatio), 1);
+    const height = Math.max(exactHeight ?? Math.round(clientHeight * devicePixelRatio), 1);
     if (width === this.canvas.width && height === this.canvas.height) return;
     const [dx, dy] = [(width - this.canvas.width) / 2, (height - this.canvas.height) / 2];
     this.canvas.width = width;

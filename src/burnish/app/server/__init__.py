@@ -78,11 +78,12 @@ class EditorServer:
             raise InvalidValue(f"port must lie in [0, 65535]; got {port}")
         self.token = secrets.token_urlsafe(24)
         self.engine = Engine(session, autosave)
+        hosts = frozenset({"127.0.0.1", "localhost", "::1", host}) if is_loopback(host) else None
+        application = build(self.engine, self.token, hosts)
         self._socket = _bind(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
-        hosts = frozenset({"127.0.0.1", "localhost", "::1", host}) if is_loopback(host) else None
         config = uvicorn.Config(
-            build(self.engine, self.token, hosts),
+            application,
             log_level="warning",
             access_log=False,
             lifespan="off",

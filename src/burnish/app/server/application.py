@@ -100,18 +100,18 @@ def _with_headers(send: Send) -> Send:
     return wrapped
 
 
-def build(engine: Engine, token: str, hosts: frozenset[str] | None, static: Path = STATIC) -> Any:
+def build(engine: Engine, token: str, hosts: frozenset[str] | None) -> Any:
     """The ASGI application for one engine. Raises InvalidValue when the page is not built."""
-    if not (static / "index.html").exists():
+    if not (STATIC / "index.html").exists():
         raise InvalidValue(
-            f"the editor's page is missing from {static}; build it with: python client/build.py"
+            f"the editor's page is missing from {STATIC}; build it with: python client/build.py"
         )
     page = Connection(engine)
     routes = [
         WebSocketRoute(f"/{token}/socket", page.serve),
         Route(f"/{token}/edits.json", page.edits),
         Route(f"/{token}/picture.exr", page.picture),
-        Mount(f"/{token}", StaticFiles(directory=static, html=True)),
+        Mount(f"/{token}", StaticFiles(directory=STATIC, html=True)),
     ]
     return Guard(Starlette(routes=routes), token, hosts)
 
@@ -150,7 +150,7 @@ class Connection:
         try:
             hello = await asyncio.wait_for(_receive(socket), _HELLO_SECONDS)
         except (WebSocketDisconnect, TimeoutError):
-            with suppress(RuntimeError):
+            with suppress(WebSocketDisconnect, RuntimeError):
                 await socket.close(4400, "no Hello")
             return
         except InvalidValue as error:

@@ -336,8 +336,9 @@ class Engine:
             warnings=tuple(self.session.warnings()),
             saved=saved,
         )
+        stamps = dict(self._stamps)
         for box in list(self._boxes):
-            box.put_state(message, dict(self._stamps))
+            box.put_state(message, stamps)
         if self._state_key is None or key[0] != self._state_key[0]:  # type: ignore[index]
             self._to_all(self.tracing.message(self.session.revision))
         self._state_key = key

@@ -22,6 +22,7 @@ from burnish.app.messages import (
     Refused,
     ServerMessage,
     State,
+    Welcome,
 )
 from burnish.app.server.frames import Frame, Kind
 
@@ -58,7 +59,7 @@ class Mailbox:
             return (
                 view in self._views
                 and (Kind.PICTURE, view) not in self._frames
-                and len(self._in_flight) < FRAMES_IN_FLIGHT
+                and not self._behind
             )
 
     def watches(self, view: int) -> bool:
@@ -69,23 +70,29 @@ class Mailbox:
         """Replace the waiting frame of the same kind and view."""
         with self._lock:
             self._frames[frame.slot] = frame
-        self._notify()
+            behind = self._behind
+        if not behind:
+            self._notify()
 
     def put(self, message: ServerMessage) -> None:
         """Replace the waiting message of the same type; words to the user queue up."""
         with self._lock:
-            if isinstance(message, (Notice, Refused)):
+            if isinstance(message, (Notice, Refused, Welcome)):
                 self._words.append(message)
             else:
                 self._messages.pop(type(message), None)
                 self._messages[type(message)] = message
-        self._notify()
+            behind = self._behind and not self._words
+        if not behind:
+            self._notify()
 
     def put_state(self, state: State, stamps: Mapping[str, int]) -> None:
         """Replace the waiting state. stamps: when each object last changed."""
         with self._lock:
             self._state, self._stamps = state, stamps
-        self._notify()
+            behind = self._behind
+        if not behind:
+            self._notify()
 
     # -- the connection's side ------------------------------------------------------------
 
@@ -104,13 +111,21 @@ class Mailbox:
                 self.deflate = slow
         self._notify()
 
+    @property
+    def _behind(self) -> bool:
+        """Whether the page has yet to show what it was sent; it is not woken until then."""
+        return len(self._in_flight) >= FRAMES_IN_FLIGHT
+
     def _notify(self) -> None:
         # The loop is closed when the server is: nobody will read this any more.
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._wake.set)
 
     async def take(self) -> ServerMessage | Frame:
-        """The next thing to send: words first, then the state, then pictures."""
+        """The next thing to send: words first, then the state, then pictures.
+
+        A page that is behind with its pictures gets words alone.
+        """
         while True:
             found = self._next()
             if found is not None:
@@ -122,17 +137,17 @@ class Mailbox:
         with self._lock:
             if self._words:
                 return self._words.popleft()
+            if self._behind:
+                return None
             if self._state is not None:
                 return self._changed_state()
             for kind in list(self._messages):
                 if kind not in (Appearance, Curves) or not self._frames:
                     return self._messages.pop(kind)
             for slot, frame in self._frames.items():
-                if slot[0] != Kind.PICTURE:
-                    return self._frames.pop(slot)
-                if len(self._in_flight) < FRAMES_IN_FLIGHT:
+                if slot[0] == Kind.PICTURE:
                     self._in_flight[frame.number] = time.monotonic()
-                    return self._frames.pop(slot)
+                return self._frames.pop(slot)
         return None
 
     def _changed_state(self) -> State:
