@@ -83,15 +83,19 @@ class LiveEstimate:
         rows = self._rows(state)
         while self._bytes(rows) > STORED_BYTES and self._halve_bins():
             pass
-        self.materials = SymbolicMaterials(scene, self.basis, numeric, state)
+        self.materials = self._materials(state)
         self.tracer = Tracer(scene, view, self.materials)
         whole = Rectangle(0, 0, view.width, view.height)
         self.accumulator = Accumulator(self.tracer, whole, rows)
         self._strata = 0
 
+    def _materials(self, state: State) -> SymbolicMaterials:
+        every = [item.id for item in self.session_basis.objects]
+        return SymbolicMaterials(self.scene, self.basis, self.numeric, state, every)
+
     def _rows(self, state: State) -> Rows:
-        materials = SymbolicMaterials(self.scene, self.basis, self.numeric, state)
-        return find_rows(Tracer(self.scene, self.view, materials), self.seed, PREPASS_SAMPLES).rows
+        tracer = Tracer(self.scene, self.view, self._materials(state))
+        return find_rows(tracer, self.seed, PREPASS_SAMPLES).rows
 
     def _bytes(self, rows: Rows) -> int:
         columns = np.array(
@@ -205,3 +209,9 @@ class LiveEstimate:
         """Light that met nothing symbolic, and directly seen emission: [height, width, 3]."""
         t = self.accumulator.target
         return self.accumulator.image(t.fixed), self.accumulator.image(t.emission)
+
+
+def first_rows(scene: Scene, view: View, basis: Basis) -> Rows:
+    """Which objects each pixel of a view meets first, all editable ones counted."""
+    tracer = Tracer(scene, view, SymbolicMaterials(scene, basis))
+    return find_rows(tracer, 0, PREPASS_SAMPLES).rows

@@ -38,6 +38,7 @@ def find_rows(tracer: Tracer, seed: int, samples: int = SAMPLES) -> Geometry:
     pixels, objects = view.width * view.height, len(tracer.basis.objects)
     counts = dr.zeros(mi.UInt32, max(pixels * objects, 1))
     fixed_seen = dr.zeros(mi.UInt32, pixels)
+    dr.make_opaque(counts, fixed_seen)
     for pixel, sampler in _passes(tracer, seed, samples):
         si, symbolic, rough, _ = _first_encounter(tracer, pixel, sampler)
         met = si.is_valid() & (symbolic >= 0)
@@ -171,6 +172,8 @@ def _average_geometry(tracer: Tracer, seed: int, samples: int, rows: Rows) -> No
     pixels, objects = tracer.view.width * tracer.view.height, len(tracer.basis.objects)
     table = mi.Int32(row_table(rows, pixels, objects).ravel())
     sums = dr.zeros(mi.Float, max(len(rows), 1) * 10)
+    # A literal array would carry its length into the kernel, and compile one for each
+    dr.make_opaque(sums)
     for pixel, sampler in _passes(tracer, seed, samples):
         si, symbolic, _, _ = _first_encounter(tracer, pixel, sampler)
         met = si.is_valid() & (symbolic >= 0)

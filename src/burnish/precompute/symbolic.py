@@ -59,6 +59,8 @@ class SymbolicMaterials:
     Objects in `basis` are symbolic. numeric: the states of the objects that are evaluated
     from tables; without it, those whose material Mitsuba's BSDF of the scene does not hold,
     as the scene has them. follow: states of symbolic objects that sampling should follow.
+    compile_for: ids of further objects whose models the kernel must know, so that selecting
+    them later changes tables only.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class SymbolicMaterials:
         basis: Basis,
         numeric: State | None = None,
         follow: State | None = None,
+        compile_for: Collection[str] = (),
     ) -> None:
         self.scene = scene
         self.basis = basis
@@ -83,26 +86,35 @@ class SymbolicMaterials:
                 )
             else:
                 layered.append(())
-        self.slots = max((len(layers) for layers in layered), default=0)
+        known = [
+            thing.material.layers if thing.id in compile_for and thing.material else layers
+            for thing, layers in zip(objects, layered, strict=True)
+        ]
+        self.slots = max((len(layers) for layers in known), default=0)
         self.models: list[Model] = list(
-            dict.fromkeys(layer.model for layers in layered for layer in layers)
+            dict.fromkeys(layer.model for layers in known for layer in layers)
         )
         self.slot_models = [
-            sorted({self.models.index(layers[s].model) for layers in layered if len(layers) > s})
+            sorted({self.models.index(layers[s].model) for layers in known if len(layers) > s})
             for s in range(self.slots)
         ]
         self.ranks = [
             max(self.models[m].rank for m in models) for models in self.slot_models
         ]
-        self.any_delta = any(layer.delta for layers in layered for layer in layers)
+        self.any_delta = any(layer.delta for layers in known for layer in layers)
         self.maps = [
             (o, group, thing.maps[group])
             for o, thing in enumerate(objects)
-            if layered[o]
+            if known[o]
             for group in thing.maps
         ]
+        mapped = {(o, group) for o, group, _ in self.maps}
+        self.slot_has_map = [
+            any(len(layers) > s and (o, layers[s].group) in mapped for o, layers in enumerate(known))
+            for s in range(self.slots)
+        ]
         self.layered = layered
-        self.any_numeric = bool(self._numeric)
+        self.any_numeric = bool(self._numeric) or bool(compile_for)
         self._build(layered, position)
         self.lobes = HalfAngleLobes(len(objects))
         self._shape_lobes(follow or {})
@@ -122,7 +134,11 @@ class SymbolicMaterials:
         coarse_bins = np.ones((count, S), np.uint32)
         half = np.zeros((count, S), np.float32)
         variable = np.zeros((count, S), np.uint32)
-        fixed: dict[str, np.ndarray] = {}
+        fixed: dict[str, np.ndarray] = {
+            parameter.name: np.full((count, S), parameter.default, np.float32)
+            for model_ in self.models
+            for parameter in model_.fixed_parameters
+        }
         symbolic = np.full(count, PLAIN, np.int32)
         layers_of = np.zeros(count, np.uint32)
         groups_of = np.zeros(count, np.uint32)
@@ -165,8 +181,8 @@ class SymbolicMaterials:
                     coarse_first[o, s] = coarse_start.get((i, s), 0)
                     variable[o, s] = variables[i, layer.group]
                 for parameter in layer.model.fixed_parameters:
-                    table = fixed.setdefault(parameter.name, np.zeros((count, S), np.float32))
-                    table[o, s] = layer.fixed.get(parameter.name, parameter.default)
+                    number = layer.fixed.get(parameter.name, parameter.default)
+                    fixed[parameter.name][o, s] = number
             if layers:
                 delta_share[o] = DELTA_SHARE if (delta_column[o] != NONE).any() else 0.0
                 glossy = half[o, : len(layers)].any()
@@ -285,16 +301,19 @@ class SymbolicMaterials:
         return t, quotients
 
     def weight_maps(self, si: Any, obj: Any, active: Any) -> list[Any]:
-        """H of each layer slot at a hit: colours, or None where no object has a map there."""
+        """H of each layer slot at a hit: colours, or None when no object has a map."""
         if not self.maps:
             return [None] * self.slots
-        index = [self._entry("map", obj, s) for s in range(self.slots)]
-        result = [mi.Color3f(1) for _ in range(self.slots)]
-        for n, (o, _, weight_map) in enumerate(self.maps):
-            here = active & (obj == o)
-            value = weight_map.evaluate(si, here)
-            for s in range(self.slots):
-                result[s] = dr.select(here & (index[s] == n), value, result[s])
+        result = []
+        targets = [weight_map.evaluate for _, _, weight_map in self.maps]
+        for s in range(self.slots):
+            if not self.slot_has_map[s]:
+                result.append(mi.Color3f(1))
+                continue
+            index = self._entry("map", obj, s)
+            mapped = active & (index != NONE)
+            value = dr.switch(dr.select(mapped, index, 0), targets, si, mapped)
+            result.append(dr.select(mapped, value, 1))
         return result
 
     # -- what the tracer asks -------------------------------------------------------------

@@ -86,6 +86,7 @@ class Session:
         self._selected: tuple[str, ...] = ()
         self._warned: dict[str, tuple[MaterialState, list[str]]] = {}
         self._listeners: list[Callable[[], None]] = []
+        self._closers: list[Callable[[], None]] = []
         self._revision = 0
 
     # -- what there is ----------------------------------------------------------------------
@@ -136,6 +137,22 @@ class Session:
                 self._listeners.remove(callback)
 
         return end
+
+    def on_close(self, callback: Callable[[], None]) -> None:
+        """Call `callback` when the session ends, such as to end a tracing process."""
+        self._closers.append(callback)
+
+    def close(self) -> None:
+        """End the session and what serves it. Closing again does nothing."""
+        closers, self._closers = self._closers, []
+        for callback in closers:
+            callback()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     # -- selection --------------------------------------------------------------------------
 

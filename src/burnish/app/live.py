@@ -1,0 +1,312 @@
+"""Live sessions: a scene edited with no bake, traced by a worker process beside us."""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import multiprocessing
+import shutil
+import tempfile
+import threading
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from burnish.app import worker as w
+from burnish.core.errors import BurnishError, SceneError
+from burnish.core.types import Float32, Progress
+from burnish.transport.basis import Basis, State, initial_state
+from burnish.transport.frozen import Frozen, FrozenPart
+from burnish.transport.rows import Rows
+
+if TYPE_CHECKING:
+    from burnish.session import Session
+
+PATIENCE_SECONDS = 300.0
+"""How long to wait for a worker that compiles or traces before calling it stuck."""
+
+
+def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Session:
+    """A session on a scene with no bake.
+
+    source: a scene file, a Mitsuba dictionary or an example's name; options as
+    `burnish.load` takes them, and `series`. Close it with `session.close()`.
+    Raises what loading the scene raises.
+    """
+    from burnish.session import ObjectInfo, Session
+
+    studio = LiveStudio(source, options)
+    opened = studio.opened
+    materials = {item.id: item.material for item in opened.basis.objects}
+    objects = [
+        ObjectInfo(name, name in materials, reason, materials[name].layers if name in materials else ())
+        for name, _, reason in opened.objects
+    ]
+    session = Session(studio.views, objects, studio, opened.name)
+    session.on_change(lambda: studio.follow(session.state))
+    session.on_close(studio.close)
+    return session
+
+
+class LiveStudio:
+    """Our end of the worker: its views as transports, and its path tracer as the truth.
+
+    A worker that dies is started again and goes on with the current selection; what it had
+    published stays on the screen.
+    """
+
+    def __init__(self, source: str | Path | Mapping[str, Any], options: Mapping[str, Any]) -> None:
+        self._source = str(source) if isinstance(source, Path) else source
+        self._options = dict(options)
+        shared = Path("/dev/shm")  # noqa: S108 - a memory file system where there is one
+        self._folder = Path(
+            tempfile.mkdtemp(prefix="burnish-", dir=shared if shared.is_dir() else None)
+        )
+        atexit.register(shutil.rmtree, self._folder, ignore_errors=True)
+        self._changed = threading.Condition()
+        self._serials = itertools.count(1)
+        self._jobs: dict[int, w.Rendered | None] = {}
+        self._progress: dict[int, Progress] = {}
+        self._request: w.Select | None = None
+        self._failure: w.Failed | None = None
+        self._closed = False
+        self.restarts = 0
+        self.views: dict[str, LiveView] = {}
+        self.opened = self._start()
+        for name, width, height in self.opened.views:
+            self.views[name] = LiveView(
+                self, name, self.opened.basis, width, height, self.opened.rows[name]
+            )
+
+    # -- the process ------------------------------------------------------------------------
+
+    def _start(self) -> w.Opened:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        self._process = context.Process(
+            target=w.main,
+            args=(theirs, self._source, self._options, str(self._folder)),
+            name="burnish-worker",
+            daemon=True,
+        )
+        self._process.start()
+        theirs.close()
+        self._pipe = ours
+        try:
+            answer = ours.recv()
+        except EOFError:
+            raise SceneError(
+                "the tracing process ended before the scene was open; run `burnish info` on the "
+                "scene to see why"
+            ) from None
+        if isinstance(answer, w.Failed):
+            self.close()
+            raise SceneError(answer.text)
+        assert isinstance(answer, w.Opened)
+        threading.Thread(
+            target=self._listen, args=(ours,), name="burnish-live", daemon=True
+        ).start()
+        return answer
+
+    def _listen(self, pipe: Connection) -> None:
+        while True:
+            try:
+                message = pipe.recv()
+            except (EOFError, OSError):
+                break
+            with self._changed:
+                self._receive(message)
+                self._changed.notify_all()
+        if not self._closed:
+            self._restart()
+
+    def _receive(self, message: object) -> None:
+        current = self._request.serial if self._request else 0
+        if isinstance(message, w.Mapped) and message.serial == current:
+            self.views[message.view].map(message)
+        elif isinstance(message, w.Published) and message.serial == current:
+            self.views[message.view].publish(message)
+        elif isinstance(message, w.Failed) and message.serial == current:
+            self._failure = message
+        elif isinstance(message, w.Rendered):
+            self._jobs[message.job] = message
+        elif isinstance(message, w.Progressed) and message.job in self._progress:
+            self._progress[message.job](message.fraction, message.what)
+
+    def _restart(self) -> None:
+        """Bring a dead worker back with the selection that it had."""
+        self.restarts += 1
+        with self._changed:
+            for job, done in self._jobs.items():
+                if done is None:
+                    self._jobs[job] = w.Rendered(job, None, "the tracing process ended; try again")
+            self._changed.notify_all()
+        try:
+            self._start()
+        except BurnishError as error:
+            with self._changed:
+                current = self._request.serial if self._request else 0
+                self._failure = w.Failed(str(error), current, lasting=True)
+                self._changed.notify_all()
+            return
+        with self._changed:
+            if self._request is not None:
+                self._send(self._request)
+
+    def _send(self, message: object) -> None:
+        try:
+            self._pipe.send(message)
+        except (BrokenPipeError, OSError):
+            # The listener sees the end of the pipe and starts another worker
+            pass
+
+    def close(self) -> None:
+        """End the worker and free what it had mapped."""
+        self._closed = True
+        self._process.terminate()
+        self._process.join(timeout=5.0)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    # -- what a session asks ----------------------------------------------------------------
+
+    def pause(self, paused: bool = True) -> None:
+        """Stop refining, or go on."""
+        self._send(w.Pause(paused))
+
+    def follow(self, state: State) -> None:
+        """Let the samples to come follow the current look."""
+        if self._request is not None and self._request.targets:
+            self._send(w.Follow(dict(state)))
+
+    def select(self, targets: tuple[str, ...], state: State) -> None:
+        """Ask for an estimate with these objects symbolic, unless it is the one that runs."""
+        initial = initial_state(self.opened.basis.objects)
+        edited = tuple(
+            name for name in initial if name not in targets and state[name] != initial[name]
+        )
+        running = self._request
+        if (
+            running is not None
+            and running.targets == targets
+            and running.edited == edited
+            and all(running.state[name] == state[name] for name in edited)
+        ):
+            return
+        for view in self.views.values():
+            view.forget()
+        self._failure = None
+        self._request = w.Select(next(self._serials), targets, dict(state), edited)
+        self._send(self._request)
+
+    def wait(self, view: LiveView) -> None:
+        """Wait until a view has something to show. Raises BurnishError in the worker's words."""
+        with self._changed:
+            done = self._changed.wait_for(
+                lambda: view.samples > 0 or self._failure is not None, PATIENCE_SECONDS
+            )
+            if self._failure is not None:
+                failure, self._request = self._failure, None
+                self._failure = None
+                raise SceneError(f"tracing failed: {failure.text}")
+            if not done:
+                raise SceneError("the tracing process does not answer; reopen the scene")
+
+    @property
+    def lock(self) -> threading.Condition:
+        """Guards the views against the listener."""
+        return self._changed
+
+    def render(
+        self,
+        state: State,
+        view: str,
+        spp: int,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Float32:
+        """The path tracer's picture, made by the worker: float32 [height, width, 3]."""
+        job = next(self._serials)
+        with self._changed:
+            self._jobs[job] = None
+            if progress:
+                self._progress[job] = progress
+            self._send(w.Render(job, dict(state), view, spp, seed))
+            self._changed.wait_for(lambda: self._jobs[job] is not None)
+            done = self._jobs.pop(job)
+            self._progress.pop(job, None)
+        assert done is not None
+        if done.image is None:
+            raise SceneError(done.error)
+        return done.image
+
+
+class LiveView:
+    """A `Transport` whose estimate grows while it is used."""
+
+    def __init__(
+        self, studio: LiveStudio, name: str, basis: Basis, width: int, height: int, rows: Rows
+    ) -> None:
+        self._studio = studio
+        self.name, self.basis, self.width, self.height, self.rows = name, basis, width, height, rows
+        self.samples = 0
+        """Samples per pixel of what was last published."""
+        self.revision = 0
+        self._mapped: w.Mapped | None = None
+        self._data: Float32 = np.zeros(6 * width * height, np.float32)
+
+    @property
+    def emission(self) -> Float32:
+        """Directly seen emission: float32 [height, width, 3], linear RGB."""
+        pixels = self.width * self.height
+        return self._data[3 * pixels : 6 * pixels].reshape(self.height, self.width, 3)
+
+    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+        """The current estimate; waits for the first samples of a new selection."""
+        ids = tuple(self.basis.objects[i].id for i in targets)
+        with self._studio.lock:
+            self._studio.select(ids, state)
+        self._studio.wait(self)
+        with self._studio.lock:
+            mapped, data, pixels = self._mapped, self._data, self.width * self.height
+            assert mapped is not None
+            return Frozen(
+                basis=self.basis,
+                targets=targets,
+                width=self.width,
+                height=self.height,
+                base=data[: 3 * pixels].reshape(-1, 3),
+                powers=mapped.powers,
+                parts=[_part(part, data) for part in mapped.parts],
+                revision=self.revision,
+            )
+
+    # -- from the worker, under the lock ------------------------------------------------------
+
+    def forget(self) -> None:
+        """A new selection has begun."""
+        self.samples = 0
+        self._mapped = None
+
+    def map(self, message: w.Mapped) -> None:
+        """Map the estimate's file; its name can go, the memory stays as long as it is used."""
+        path = Path(message.file)
+        self._data = np.memmap(path, np.float32, "r", shape=(message.floats,))
+        path.unlink()
+        self._mapped = message
+
+    def publish(self, message: w.Published) -> None:
+        """There are new numbers in the file."""
+        self.samples = message.samples
+        self.revision += 1
+
+
+def _part(part: w.Part, data: Float32) -> FrozenPart:
+    size = int(np.prod(part.shape))
+    F = data[part.offset : part.offset + size].reshape(part.shape)
+    return FrozenPart(part.object, part.indirect, part.pixel, F, part.cos_theta_o, part.slice)
+
+
+

@@ -1,0 +1,331 @@
+"""The process that traces while someone edits: it owns the scene, Mitsuba and the cores' rest.
+
+It runs at the lowest priority, so that frames come first. It takes messages over a pipe,
+refines the estimate of the current selection between them, and publishes it into files
+mapped by both processes, preferably in memory. Readers need no lock: every row they find,
+older or newer, is an unbiased estimate.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from burnish.core.errors import BurnishError
+from burnish.core.types import Float32
+from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.frozen import Powers
+from burnish.transport.rows import Rows
+
+PUBLISH_SECONDS = 1.0
+ENOUGH_SAMPLES = 1 << 16
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The scene is loaded. objects: (id, editable, reason) of all of them."""
+
+    name: str
+    basis: Basis
+    objects: tuple[tuple[str, bool, str], ...]
+    views: tuple[tuple[str, int, int], ...]
+    rows: dict[str, Rows]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Select:
+    """Make these objects symbolic. edited: ids that are no longer as the scene has them."""
+
+    serial: int
+    targets: tuple[str, ...]
+    state: State
+    edited: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Follow:
+    """Let sampling follow these materials; nothing is lost."""
+
+    state: State
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Stop refining, or go on."""
+
+    paused: bool
+
+
+@dataclass(frozen=True)
+class Render:
+    """Path-trace a reference with these materials."""
+
+    job: int
+    state: State
+    view: str
+    spp: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """Where a part's F lies: an offset into the mapped floats, and its shape."""
+
+    object: int
+    indirect: bool
+    slice: ColumnSlice
+    pixel: np.ndarray
+    cos_theta_o: np.ndarray
+    offset: int
+    shape: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A view's estimate has a file. The base image comes first in it, then emission, then F."""
+
+    serial: int
+    view: str
+    file: str
+    floats: int
+    parts: tuple[Part, ...]
+    powers: Powers
+
+
+@dataclass(frozen=True)
+class Published:
+    """A view's file holds an estimate of so many samples per pixel."""
+
+    serial: int
+    view: str
+    samples: int
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A reference is done; error says why not."""
+
+    job: int
+    image: Float32 | None
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Progressed:
+    """How far a reference is."""
+
+    job: int
+    fraction: float
+    what: str
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Something went wrong, in words; `lasting` when the worker can do no more."""
+
+    text: str
+    serial: int = 0
+    lasting: bool = False
+
+
+def main(pipe: Connection, source: Any, options: dict[str, Any], folder: str) -> None:
+    """Serve until the pipe closes. source, options: as `burnish.scene.load` takes them."""
+    if hasattr(os, "nice"):
+        os.nice(19)
+    try:
+        worker = _Worker(pipe, source, options, Path(folder))
+    except BurnishError as error:
+        pipe.send(Failed(str(error), lasting=True))
+        return
+    except Exception as error:  # noqa: BLE001 - a process boundary: the other side decides
+        text = f"{type(error).__name__}: {error}"
+        pipe.send(Failed(f"the scene could not be opened: {text}", lasting=True))
+        return
+    try:
+        worker.serve()
+    except (EOFError, BrokenPipeError, KeyboardInterrupt):
+        return
+
+
+class _Worker:
+    def __init__(
+        self, pipe: Connection, source: Any, options: dict[str, Any], folder: Path
+    ) -> None:
+        from burnish.precompute.live import first_rows
+        from burnish.precompute.plan import basis_for
+        from burnish.scene import load
+
+        options = dict(options)
+        editable, series = options.pop("editable", None), options.pop("series", (64, 1, 1, 1))
+        self.pipe, self.folder = pipe, folder
+        self.scene = load(source, editable, **options)
+        self.basis = basis_for(self.scene, None, series)
+        self.estimates: dict[str, Any] = {}
+        self.files: dict[str, tuple[Float32, list[Float32]]] = {}
+        self.published: dict[str, tuple[int, float]] = {}
+        self.serial = 0
+        self.paused = False
+        self.truth: Any = None
+        scene = self.scene
+        pipe.send(
+            Opened(
+                scene.name,
+                self.basis,
+                tuple((item.id, item.editable, item.reason) for item in scene.objects),
+                tuple((view.name, view.width, view.height) for view in scene.views),
+                {view.name: first_rows(scene, view, self.basis) for view in scene.views},
+                tuple(scene.warnings),
+            )
+        )
+
+    def serve(self) -> None:
+        while True:
+            busy = bool(self.estimates) and not self.paused and self._unfinished() is not None
+            while self.pipe.poll(0 if busy else None):
+                self._take(self.pipe.recv())
+                busy = bool(self.estimates) and not self.paused
+            try:
+                self._refine()
+            except (EOFError, BrokenPipeError):
+                raise
+            except Exception as error:  # noqa: BLE001 - the session must live
+                self.estimates = {}
+                self.pipe.send(Failed(_words(error), self.serial))
+
+    def _take(self, message: object) -> None:
+        if isinstance(message, Select):
+            # Only the latest selection counts
+            while self.pipe.poll(0):
+                later = self.pipe.recv()
+                if isinstance(later, Select):
+                    message = later
+                else:
+                    self._take(later)
+            try:
+                self._select(message)
+            except Exception as error:  # noqa: BLE001 - the session must live
+                self.estimates = {}
+                self.pipe.send(Failed(_words(error), message.serial))
+        elif isinstance(message, Follow):
+            for estimate in self.estimates.values():
+                estimate.follow(message.state)
+        elif isinstance(message, Pause):
+            self.paused = message.paused
+        elif isinstance(message, Render):
+            self._render(message)
+
+    def _select(self, message: Select) -> None:
+        from burnish.precompute.live import LiveEstimate
+
+        self.serial = message.serial
+        # Let go of the old tensors first: two selections may not fit
+        self.estimates, self.published = {}, {}
+        for _, mapped in self.files.values():
+            mapped.clear()
+        self.files = {}
+        for view in self.scene.views:
+            estimate = LiveEstimate(
+                self.scene,
+                view,
+                self.basis,
+                message.targets,
+                message.state,
+                message.edited,
+                seed=message.serial,
+            )
+            self.estimates[view.name] = estimate
+            self._map(view.name, estimate)
+
+    def _map(self, view: str, estimate: Any) -> None:
+        """Make the view's file and say what lies where in it."""
+        pixels = estimate.view.width * estimate.view.height
+        offset, parts = 6 * pixels, []
+        for part in estimate.parts():
+            parts.append(
+                Part(
+                    part.object,
+                    part.indirect,
+                    part.slice,
+                    part.pixel,
+                    part.cos_theta_o,
+                    offset,
+                    part.shape,
+                )
+            )
+            offset += int(np.prod(part.shape))
+        number = list(self.estimates).index(view)
+        path = self.folder / f"{self.serial}-{number}"
+        data = np.memmap(path, np.float32, "w+", shape=(max(offset, 1),))
+        arrays = [
+            data[part.offset : part.offset + int(np.prod(part.shape))].reshape(part.shape)
+            for part in parts
+        ]
+        self.files[view] = data, arrays
+        self.pipe.send(
+            Mapped(self.serial, view, str(path), len(data), tuple(parts), estimate.powers)
+        )
+
+    def _unfinished(self) -> str | None:
+        """The view with the fewest samples, while there is one to refine."""
+        if not self.estimates:
+            return None
+        name = min(self.estimates, key=lambda view: self.estimates[view].samples)
+        return name if self.estimates[name].samples < ENOUGH_SAMPLES else None
+
+    def _refine(self) -> None:
+        view = self._unfinished()
+        if view is None or self.paused:
+            return
+        estimate = self.estimates[view]
+        estimate.step()
+        samples, when = self.published.get(view, (0, 0.0))
+        # At once while there is little to see, then once a second
+        if samples < 16 or time.monotonic() - when >= PUBLISH_SECONDS:
+            self._publish(view, estimate)
+
+    def _publish(self, view: str, estimate: Any) -> None:
+        data, arrays = self.files[view]
+        start = time.monotonic()
+        fixed, emission = estimate.base()
+        pixels = estimate.view.width * estimate.view.height
+        data[: 3 * pixels] = (fixed + emission).ravel()
+        data[3 * pixels : 6 * pixels] = emission.ravel()
+        estimate.write(arrays)
+        # Publishing may take a tenth of the time at most
+        spent = time.monotonic() - start
+        self.published[view] = estimate.samples, time.monotonic() + max(9 * spent - 1.0, 0.0)
+        self.pipe.send(Published(self.serial, view, estimate.samples))
+
+    def _render(self, message: Render) -> None:
+        from burnish.reference.truth import PathTracedTruth
+
+        def progress(fraction: float, what: str) -> None:
+            self.pipe.send(Progressed(message.job, fraction, what))
+
+        try:
+            if self.truth is None:
+                self.truth = PathTracedTruth(self.scene, self.basis.bounces)
+            image = self.truth.render(
+                message.state, message.view, message.spp, message.seed, progress
+            )
+            self.pipe.send(Rendered(message.job, image))
+        except (EOFError, BrokenPipeError):
+            raise
+        except Exception as error:  # noqa: BLE001 - the session must live
+            self.pipe.send(Rendered(message.job, None, _words(error)))
+
+
+def _words(error: Exception) -> str:
+    """An error as a sentence; with the place where it arose when it is none of ours."""
+    if isinstance(error, BurnishError):
+        return str(error)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
