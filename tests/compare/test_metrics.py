@@ -114,6 +114,14 @@ def test_each_half_can_leave_out_the_emission_that_it_saw(truth: Float32) -> Non
         truth, (truth + seen[0], truth + seen[1]), reference_emission=(seen[0], seen[1])
     )
     assert figures["rel_rmse"] < 1e-3
+    both = metrics(
+        (truth + seen[0], truth + seen[1]),
+        (truth, truth),
+        emission=(seen[0], seen[1]),
+        reference_emission=np.zeros(SHAPE, np.float32),
+    )
+    assert both["rel_rmse"] < 1e-3
+    assert both["noise"] < 1e-3
 
 
 def test_a_black_scene_has_figures_too() -> None:

@@ -4,7 +4,7 @@ Pictures come in as arrays; nothing here traces rays.
 """
 
 from burnish.compare.flip import Flip, flip
-from burnish.compare.metrics import directly_seen, metrics
+from burnish.compare.metrics import metrics, without_emission
 from burnish.compare.sheet import sheet
 from burnish.compare.tone import auto_exposure, display
 from burnish.compare.ztest import Level, ZTest, ztest
@@ -14,10 +14,10 @@ __all__ = [
     "Level",
     "ZTest",
     "auto_exposure",
-    "directly_seen",
     "display",
     "flip",
     "metrics",
     "sheet",
+    "without_emission",
     "ztest",
 ]

@@ -21,6 +21,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import Float32, Float64
 
 Halves = tuple[Float32, Float32]
+"""Two independent estimates of the same picture, of the same budget."""
 
 PSNR_CEILING = 120.0
 """dB; what equal pictures score, since JSON has no infinity."""
@@ -42,7 +43,7 @@ class Metrics(TypedDict):
     exposure: float
 
 
-def directly_seen(image: Float32, emission: Float32 | None) -> Float64:
+def without_emission(image: Float32, emission: Float32 | None) -> Float64:
     """A picture without directly seen emission: float64 [height, width, 3]."""
     picture = np.asarray(image, np.float64)
     return picture if emission is None else picture - np.asarray(emission, np.float64)
@@ -52,17 +53,17 @@ def metrics(
     image: Float32 | Halves,
     reference: Halves,
     *,
-    emission: Float32 | None = None,
-    reference_emission: Halves | None = None,
+    emission: Float32 | Halves | None = None,
+    reference_emission: Float32 | Halves | None = None,
     exposure: float | None = None,
 ) -> Metrics:
     """Compare a picture with a path-traced truth.
 
     image: [height, width, 3], linear RGB, or two independent halves of it. reference: two
       independent halves of the truth.
-    emission: directly seen emission, left out of the image and of the truth.
-      reference_emission: the same of each half of the truth, where its own samples saw it
-      (the edge of a lamp is then left out exactly, noise and all); `emission` when absent.
+    emission: directly seen emission, left out of the image, and of the truth too unless
+      reference_emission gives the truth's own. Either may be two halves: what the samples of
+      each half saw. The edge of a lamp is then left out exactly, noise and all.
     exposure: factor for the displayed pictures; set from the truth when None.
 
     Returns, with R the mean of the halves and I the image, emission left out of both:
@@ -72,17 +73,15 @@ def metrics(
       rel_rmse_beyond_noise: √max(rel_rmse² − noise², 0).
       noise_error, rel_rmse_beyond_noise_error: their standard errors, from the spread over
         pixels. Where the excess is zero the second is the excess that would not be seen.
-      psnr: dB, of the displayed pictures, at most 120. flip: mean LDR-FLIP of those.
+      psnr: dB, of the whole pictures as displayed, at most 120. flip: their mean LDR-FLIP.
       mean_image, mean_reference: means of I and R. exposure: the factor that was used.
 
     Raises InvalidValue when shapes differ or a value is not finite.
     """
-    first, second = (
-        directly_seen(half, seen)
-        for half, seen in zip(reference, reference_emission or (emission, emission), strict=True)
-    )
-    halves = image if isinstance(image, tuple) else (image, image)
-    image_first, image_second = (directly_seen(half, emission) for half in halves)
+    if reference_emission is None:
+        reference_emission = emission
+    image_first, image_second = _reflected_halves(image, emission)
+    first, second = _reflected_halves(reference, reference_emission)
     for name, picture in (("image", image_first), ("image", image_second), ("reference", second)):
         if picture.shape != first.shape:
             raise InvalidValue(
@@ -102,9 +101,7 @@ def metrics(
 
     if exposure is None:
         exposure = auto_exposure(truth.astype(np.float32))
-    shown_ours, shown_truth = (
-        display(picture.astype(np.float32), exposure) for picture in (ours, truth)
-    )
+    shown_ours, shown_truth = (display(_mean(picture), exposure) for picture in (image, reference))
     mean_square = float(((shown_ours.astype(np.float64) - shown_truth) ** 2).mean())
     floor = 10 ** (-PSNR_CEILING / 10)
     return Metrics(
@@ -120,6 +117,19 @@ def metrics(
         mean_reference=float(truth.mean()),
         exposure=exposure,
     )
+
+
+def _reflected_halves(
+    picture: Float32 | Halves, emission: Float32 | Halves | None
+) -> tuple[Float64, Float64]:
+    """Both halves of a picture, twice the same one where it has none, emission left out."""
+    first, second = picture if isinstance(picture, tuple) else (picture, picture)
+    seen = emission if isinstance(emission, tuple) else (emission, emission)
+    return without_emission(first, seen[0]), without_emission(second, seen[1])
+
+
+def _mean(picture: Float32 | Halves) -> Float32:
+    return np.mean(picture, axis=0) if isinstance(picture, tuple) else picture
 
 
 def _squared(difference: Float64) -> Float64:
