@@ -62,9 +62,8 @@ def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: floa
         accumulator.run(samples, tile_seed(seed, plan.name, number, index))
     blocks: list[Block] = []
     for run, T in zip(accumulator.layout.runs, accumulator.transport(), strict=True):
-        lit = np.flatnonzero(T.reshape(len(T), -1).any(axis=1))
-        which = (run.start + lit).astype(np.int32)
-        blocks += compress_tile(T[lit], accumulator.rows, which, view.width, basis, tolerance)
+        which = np.arange(run.start, run.stop, dtype=np.int32)
+        blocks += compress_tile(T, accumulator.rows, which, view.width, basis, tolerance)
     rows, blocks = _drop_unused(accumulator.rows, blocks)
     t = accumulator.target
     return Tile(
@@ -128,4 +127,3 @@ def samples_for(plans: list[ViewPlan], minutes: float, seed: int) -> int:
     pixels = sum(plan.tracer.view.width * plan.tracer.view.height for plan in plans)
     spp = int(samples / max(seconds, 1e-9) * minutes * 60 / pixels)
     return max(1, spp if spp < STRATA else spp // STRATA * STRATA)
-

@@ -34,6 +34,7 @@ from burnish.core.types import AnyArray, Float32, Float64, Int32
 from burnish.materials.coefficients import coarse_energies, energies
 from burnish.transport.basis import Basis, coarse_count
 from burnish.transport.block import Block
+from burnish.transport.cells import Cells
 from burnish.transport.rows import Rows
 
 SQUARE = 8
@@ -44,6 +45,8 @@ DEFAULT_TOLERANCE = 0.01
 
 _RGBE_BYTES = 4
 _SMALLEST_ENERGY = 1e-8
+_DEPENDENT = 1e-6
+"""Singular values below this share of the largest are rounding."""
 
 
 def column_scale_of(energies: Float64) -> Float32:
@@ -74,9 +77,9 @@ def column_scale(basis: Basis, index: int, indirect: bool = False) -> Float32:
 
 
 def rgbe_bytes(T: Float32) -> int:
-    """Bytes of T [r, c, z, 3] as RGBE with zeros dropped, the storage of 2008, section 6.
+    """Bytes of T [..., 3] as RGBE with zeros dropped, the storage of 2008, section 6.
 
-    Four bytes per (row, column, tail) that is not black; positions are not counted.
+    Four bytes per triple that is not black; positions are not counted.
     """
     # Bits rather than `any` over a short axis, which is several times slower
     bits = np.ascontiguousarray(T).view(np.uint32)
@@ -116,39 +119,61 @@ def compress(
     error allowed; 0 keeps every number in float32. protected: see `protected_tails`. start:
     the first of the columns c among the object's.
     """
-    if not T.any():
-        return _empty(T.shape, object_index, indirect, rows, column_scale, start)
-    weighted = T / column_scale[None, :, None, None]
-    if tolerance <= 0.0:
-        return _lossless(weighted, object_index, indirect, rows, column_scale, start)
-    r, c, z, _ = T.shape
+    cells = Cells.of(T, np.arange(len(T)))
     if protected is None:
-        protected = _orthonormal(np.ones((z, 1)))
-    limit = _affordable(r, c, z, rgbe_bytes(T))
+        protected = _orthonormal(np.ones((T.shape[2], 1)))
+    return _compress(cells, object_index, indirect, rows, column_scale, tolerance, protected, start)
+
+
+def _compress(
+    cells: Cells,
+    object_index: int,
+    indirect: bool,
+    rows: Int32,
+    column_scale: Float32,
+    tolerance: float,
+    protected: Float32,
+    start: int,
+) -> Block:
+    """`compress` of what is left of T without its black (column, tail) pairs."""
+    r, n, _ = cells.values.shape
+    c, z = cells.columns, cells.tails
+    if n == 0:
+        return _empty((r, c, z, 3), object_index, indirect, rows, column_scale, start)
+    weighted = cells.scaled(np.reciprocal(column_scale))
+    if tolerance <= 0.0:
+        return _lossless(weighted.dense(), object_index, indirect, rows, column_scale, start)
+    # Directions over the tails that occur: the others are zero in S
+    columns, column_of = np.unique(cells.cells // z, return_inverse=True)
+    tails, tail_of = np.unique(cells.cells % z, return_inverse=True)
+    protected = _orthonormal(protected[tails])
+    kept = protected.shape[1]
+    limit = _affordable(r, c, z, rgbe_bytes(cells.values))
 
     # Rotate the rows: their mean first, then what deviates from it most
-    row_basis, row_lost = _principal(weighted.reshape(r, -1), _orthonormal(np.ones((r, 1))))
-    total = float(np.vdot(weighted, weighted))
+    unfolded = weighted.values.reshape(r, -1)
+    gram = unfolded @ unfolded.T
+    total = float(np.trace(gram, dtype=np.float64))
+    row_basis, row_lost = _principal(gram, _orthonormal(np.ones((r, 1))))
     a = _rank(row_lost, 0.5 * tolerance**2 * total, minimum=1)
-    a = min(a, max(limit // _bytes(r, c, z, 1, protected.shape[1]), 1))
-    core = (row_basis[:, :a].T @ weighted.reshape(r, -1)).reshape(a, c, z, 3)
+    a = min(a, max(limit // _bytes(r, c, z, 1, kept), 1))
+    rotated = unfolded.T @ np.ascontiguousarray(row_basis[:, :a])
 
-    # Then the tails
-    unfolded = np.ascontiguousarray(core.transpose(2, 0, 1, 3)).reshape(z, -1)
-    tail_basis, tail_lost = _principal(unfolded, protected)
-    b = _rank(tail_lost, 0.5 * tolerance**2 * total, minimum=protected.shape[1])
-    a, b = _fit(row_lost, tail_lost, a, b, protected.shape[1], limit, (r, c, z))
-    rotated = (tail_basis[:, :b].T @ unfolded).reshape(b, -1, c, 3)[:, :a]
-    return _scaled(
-        row_basis[:, :a],
-        np.ascontiguousarray(rotated.transpose(1, 2, 0, 3)),
-        tail_basis[:, :b].T,
-        object_index,
-        indirect,
-        rows,
-        column_scale,
-        start,
-    )
+    # Then the tails, on the grid of the tails and columns that occur
+    core = np.zeros((len(tails) * len(columns), 3 * a), np.float32)
+    core[tail_of * len(columns) + column_of] = rotated.reshape(n, 3 * a)
+    unfolded = core.reshape(len(tails), -1)
+    tail_basis, tail_lost = _principal(unfolded @ unfolded.T, protected)
+    b = _rank(tail_lost, 0.5 * tolerance**2 * total, minimum=kept)
+    a, b = _fit(row_lost, tail_lost, a, b, kept, limit, (r, c, z))
+    if 3 * a < core.shape[1]:
+        core = core.reshape(len(core), 3, -1)[:, :, :a]
+    small = tail_basis[:, :b].T @ core.reshape(len(tails), -1)
+    spread = np.zeros((a, c, b, 3), np.float32)
+    spread[:, columns] = small.reshape(b, len(columns), 3, a).transpose(3, 1, 0, 2)
+    S = np.zeros((b, z), np.float32)
+    S[:, tails] = tail_basis[:, :b].T
+    return _scaled(row_basis[:, :a], spread, S, object_index, indirect, rows, column_scale, start)
 
 
 def compress_tile(
@@ -179,10 +204,13 @@ def compress_tile(
     cuts = np.flatnonzero(np.diff(square[order])) + 1
 
     def work(members: AnyArray) -> list[Block]:
-        own = T[members]
+        cells = Cells.of(T, members)
+        lit = cells.lit_rows()
+        if not lit.all():
+            cells, members = cells.select(lit), members[lit]
         return [
-            compress(
-                own[:, piece.start : piece.stop],
+            _compress(
+                cells.piece(piece.start, piece.stop),
                 index,
                 indirect,
                 which[members],
@@ -199,22 +227,22 @@ def compress_tile(
 
 
 def _orthonormal(columns: AnyArray) -> Float32:
-    """An orthonormal basis of the columns' span: float32."""
-    q: Float32 = np.linalg.qr(columns.astype(np.float64))[0].astype(np.float32)
-    return q
+    """An orthonormal basis of the columns' span, at least one of which is not zero: float32."""
+    basis, size, _ = np.linalg.svd(columns.astype(np.float64), full_matrices=False)
+    return np.asarray(basis[:, size > _DEPENDENT * size[0]], np.float32)
 
 
-def _principal(unfolded: Float32, protected: Float32) -> tuple[Float32, Float64]:
-    """An orthonormal basis of a matrix's columns' space: the protected directions, then the
-    principal ones of what they leave; and the energy that each number of them loses.
+def _principal(gram: Float32, protected: Float32) -> tuple[Float32, Float64]:
+    """An orthonormal basis of a matrix's columns' space, from its Gram matrix [n, n]: the
+    protected directions, then the principal ones of what they leave; and the energy that
+    each number of them loses.
 
     Returns float32 [n, n] and float64 [n + 1].
     """
     # Project the Gram matrix rather than the data
-    gram = (unfolded @ unfolded.T).astype(np.float64)
     kept_by = protected.astype(np.float64)
     outside = np.eye(len(gram)) - kept_by @ kept_by.T
-    values, vectors = np.linalg.eigh(outside @ gram @ outside)
+    values, vectors = np.linalg.eigh(outside @ gram.astype(np.float64) @ outside)
     kept = len(values) - protected.shape[1]
     spectrum = np.maximum(values[::-1][:kept], 0.0)
     basis = np.concatenate([protected, vectors[:, ::-1][:, :kept].astype(np.float32)], axis=1)
