@@ -1,0 +1,136 @@
+"""Pictures straight from the raw tensor, with error bars from independent passes.
+
+No compression, no tiles, no freezing: T is multiplied out as the polynomial is written.
+What these pictures say about bias is said about the path tracer alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from burnish.compare import ZTest, ztest
+from burnish.core.types import Float32, Float64
+from burnish.precompute.accumulate import Accumulator, Rectangle
+from burnish.precompute.bake import tile_seed
+from burnish.precompute.prepass import find_rows
+from burnish.precompute.symbolic import SymbolicMaterials
+from burnish.precompute.tracer import Tracer
+from burnish.reference import Estimate
+from burnish.scene import Scene
+from burnish.transport.basis import Basis, State, initial_state
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The mean over passes and the variance of that mean: float64 [height, width, 3].
+
+    Directly seen emission is left out. lost: samples that found no row.
+    """
+
+    mean: Float64
+    variance: Float64
+    emission: Float64
+    lost: int
+    passes: Float32 | None = None
+
+
+Contract = Callable[[Accumulator, State], Float64]
+
+
+def accumulator(
+    scene: Scene, basis: Basis, seed: int = 0, follow: State | None = None
+) -> Accumulator:
+    """An empty tensor over the whole first view."""
+    view = scene.view()
+    tracer = Tracer(scene, view, SymbolicMaterials(scene, basis, follow=follow))
+    rows = find_rows(tracer, tile_seed(seed, view.name, -1, 0)).rows
+    return Accumulator(tracer, Rectangle(0, 0, view.width, view.height), rows)
+
+
+def clear(tensor: Accumulator) -> None:
+    """Start again with no samples."""
+    target = tensor.target
+    for name in ("transport", "fixed", "emission"):
+        setattr(target, name, dr.zeros(mi.Float, dr.width(getattr(target, name))))
+    dr.eval(target.transport, target.fixed, target.emission)
+    tensor.samples = 0
+
+
+def polynomial(tensor: Accumulator, state: State, tails: Float64 | None = None) -> Float64:
+    """B without directly seen emission, term by term: float64 [height, width, 3].
+
+    tails: other values of the tails than the state's.
+    """
+    basis, rows, area = tensor.tracer.basis, tensor.rows, tensor.rectangle
+    tails = basis.tail_values(state) if tails is None else tails
+    image = np.zeros((area.width * area.height, 3))
+    for run, T in zip(tensor.layout.runs, tensor.transport(), strict=True):
+        c = basis.column_coefficients(run.object, state, run.indirect)
+        light = np.stack([T[..., h] @ tails[:, h].astype(np.float32) for h in range(3)], axis=-1)
+        total = np.zeros((len(T), 3))
+        if run.indirect:
+            total += np.einsum("rch,ch->rh", light, c)
+        else:
+            cosine = rows.cos_theta_o[run.start : run.stop].astype(np.float64)
+            factors = basis.outgoing_factors(run.object, state, cosine)
+            for piece, factor in zip(basis.slices(run.object), factors, strict=True):
+                own = slice(piece.start, piece.stop)
+                part = np.einsum("rch,ch->rh", light[:, own], c[own])
+                total += part if factor is None else part * factor
+        np.add.at(image, rows.pixel[run.start : run.stop], total)
+    fixed = tensor.image(tensor.target.fixed)
+    return fixed.astype(np.float64) + image.reshape(fixed.shape)
+
+
+def pictures(
+    scene: Scene,
+    basis: Basis,
+    states: Sequence[State] | None = None,
+    *,
+    spp: int,
+    passes: int = 64,
+    seed: int = 0,
+    follow: State | None = None,
+    contract: Contract = polynomial,
+) -> list[Picture]:
+    """One picture per state, all from the same `spp` samples per pixel in `passes` passes.
+
+    states: the scene's own materials when None.
+    """
+    states = [initial_state(basis.objects)] if states is None else states
+    tensor = accumulator(scene, basis, seed, follow)
+    found: list[list[Float64]] = [[] for _ in states]
+    emission = 0.0
+    for number in range(passes):
+        clear(tensor)
+        tensor.run(spp // passes, tile_seed(seed, "view", 0, number))
+        emission = emission + tensor.image(tensor.target.emission) / passes
+        for k, state in enumerate(states):
+            found[k].append(contract(tensor, state))
+    lost = int(np.array(tensor.target.lost)[0])
+    return [
+        Picture(
+            np.mean(images, axis=0),
+            np.var(images, axis=0, ddof=1) / passes,
+            np.asarray(emission),
+            lost,
+            np.array(images, np.float32),
+        )
+        for images in found
+    ]
+
+
+def same(ours: Picture, theirs: Estimate) -> ZTest:
+    """The Z-test of a picture against a reference, directly seen emission left out."""
+    return ztest(ours.mean, ours.variance, theirs.reflected, theirs.variance)
+
+
+def against(ours: Picture, answer: Float64 | float) -> ZTest:
+    """The Z-test of a picture against a known answer, which has no noise."""
+    known = np.broadcast_to(np.asarray(answer, np.float64), ours.mean.shape)
+    return ztest(ours.mean, ours.variance, known, np.zeros_like(ours.mean))
