@@ -38,7 +38,9 @@ def test_pieces_and_scales() -> None:
 
 
 def test_black_columns_and_tails_change_nothing() -> None:
-    small = np.random.default_rng(2).random((12, 5, 4, 3)).astype(np.float32)
+    rng = np.random.default_rng(2)
+    outer = [rng.random((12, 1, 1, 1)) * rng.random((5, 4, 3)) for _ in range(2)]
+    small = np.sum(outer, axis=0).astype(np.float32)
     columns, tails = [0, 2, 3, 6, 8], [1, 4, 5, 9]
     T = np.zeros((12, 9, 11, 3), np.float32)
     T[:, np.array(columns)[:, None], tails] = small
@@ -46,5 +48,5 @@ def test_black_columns_and_tails_change_nothing() -> None:
     rows = np.arange(12, dtype=np.int32)
     wide = compress(T, 0, False, rows, scale, 1e-3).dense()
     narrow = compress(small, 0, False, rows, scale[columns], 1e-3).dense()
-    np.testing.assert_allclose(wide[:, columns][:, :, tails], narrow, atol=2e-3)
-    assert np.count_nonzero(wide) <= np.count_nonzero(T)
+    np.testing.assert_allclose(wide[:, columns][:, :, tails], narrow, atol=5e-3)
+    np.testing.assert_allclose(wide, T, atol=5e-3)
