@@ -131,27 +131,33 @@ def open_bundle(path: str | Path) -> Bundle:
     return open_bundle(path)
 
 
-def edit(source: Bundle | Scene | str | Path) -> Session:
-    """Begin editing: a bundle, or its path; needs no ray tracer.
+def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
+    """Begin editing: a bundle, with no ray tracer, or a scene, live and with no bake.
+
+    source: a bundle or the path of one; a scene, its file or an example's name. A scene is
+    traced by a process of its own, which `session.close()` ends. options: for a scene that
+    is named, what `load` takes, and `series`.
 
     >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
     >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP
+    >>> with burnish.edit("teatray", resolution=(512, 384)) as live: # doctest: +SKIP
+    ...     live.set("teapot.specular.roughness", 0.12)
+    ...     image = live.frame()
 
-    Raises MissingFile, BundleError, and InvalidValue for a scene, which is baked first.
+    Raises MissingFile, BundleError, and what `load` raises.
     """
     from burnish.app.opening import names_bundle, session_for
-    from burnish.core.errors import InvalidValue
     from burnish.store.bundle import Bundle
 
     if isinstance(source, (str, Path)) and names_bundle(source):
         return session_for(open_bundle(source))
     if isinstance(source, Bundle):
         return session_for(source)
-    name = str(source) if isinstance(source, (str, Path)) else source.name
-    raise InvalidValue(
-        f"editing begins with a bundle and {name!r} is a scene; bake it first: "
-        f"burnish bake {name} -o {Path(name).stem}.burnish"
-    )
+    from burnish.app.live import live_session
+
+    if isinstance(source, (str, Path)):
+        return live_session(source, **options)
+    return live_session(source.request.scene, **{**source.request.options, **options})
 
 
 def path_trace(

@@ -80,6 +80,8 @@ def edit_options(command: Command) -> Command:
 @cli.command(
     epilog="""\b
 Examples:
+  burnish edit teatray
+  burnish edit scene.xml
   burnish edit box.burnish
   burnish edit box.burnish --edits look.json --no-browser --port 8000"""
 )

@@ -42,9 +42,9 @@ def edit(source: str, edits: str | None, host: str, port: int, no_browser: bool)
     """`burnish edit`."""
     from burnish.app.server import serve
 
-    session = burnish.edit(source)
-    make_edits(session, edits, ())
-    serve(session, host, port, not no_browser, announce=click.echo)
+    with burnish.edit(source) as session:
+        make_edits(session, edits, ())
+        serve(session, host, port, not no_browser, announce=click.echo)
 
 
 def bake(

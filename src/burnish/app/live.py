@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,8 +42,9 @@ def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Sess
     studio = LiveStudio(source, options)
     opened = studio.opened
     materials = {item.id: item.material for item in opened.basis.objects}
+    layers = {name: material.layers for name, material in materials.items()}
     objects = [
-        ObjectInfo(name, name in materials, reason, materials[name].layers if name in materials else ())
+        ObjectInfo(name, name in materials, reason, layers.get(name, ()))
         for name, _, reason in opened.objects
     ]
     session = Session(studio.views, objects, studio, opened.name)
@@ -61,7 +63,7 @@ class LiveStudio:
     def __init__(self, source: str | Path | Mapping[str, Any], options: Mapping[str, Any]) -> None:
         self._source = str(source) if isinstance(source, Path) else source
         self._options = dict(options)
-        shared = Path("/dev/shm")  # noqa: S108 - a memory file system where there is one
+        shared = Path("/dev/shm")  # a memory file system, where there is one
         self._folder = Path(
             tempfile.mkdtemp(prefix="burnish-", dir=shared if shared.is_dir() else None)
         )
@@ -157,11 +159,9 @@ class LiveStudio:
                 self._send(self._request)
 
     def _send(self, message: object) -> None:
-        try:
+        # When the pipe has ended, the listener sees it and starts another worker
+        with suppress(OSError):
             self._pipe.send(message)
-        except (BrokenPipeError, OSError):
-            # The listener sees the end of the pipe and starts another worker
-            pass
 
     def close(self) -> None:
         """End the worker and free what it had mapped."""
@@ -307,6 +307,3 @@ def _part(part: w.Part, data: Float32) -> FrozenPart:
     size = int(np.prod(part.shape))
     F = data[part.offset : part.offset + size].reshape(part.shape)
     return FrozenPart(part.object, part.indirect, part.pixel, F, part.cos_theta_o, part.slice)
-
-
-

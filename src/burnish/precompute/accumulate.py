@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from burnish.core.types import Float32, Int32
+from burnish.core.types import Float32, Int32, Int64
 from burnish.precompute.symbolic import NONE
 from burnish.precompute.tracer import Target, Tracer
 from burnish.transport.rows import Rows
@@ -58,7 +58,7 @@ class Layout:
     """
 
     runs: tuple[Run, ...]
-    offsets: Int32
+    offsets: Int64
     values: int
     tails: int
 
@@ -153,4 +153,5 @@ class Accumulator:
     def image(self, buffer: Any) -> Float32:
         """A per-pixel sum as float32 [height, width, 3], per sample."""
         shape = (self.rectangle.height, self.rectangle.width, 3)
-        return np.array(buffer).reshape(shape) / np.float32(max(self.samples, 1))
+        scale = np.float32(1 / max(self.samples, 1))
+        return np.asarray(np.array(buffer).reshape(shape) * scale, np.float32)

@@ -168,22 +168,19 @@ class LiveEstimate:
 
     def parts(self) -> list[LivePart]:
         """The parts of the frozen form, in the order of `values`."""
-        result = []
-        for run in self.accumulator.layout.runs:
-            item = self.basis.objects[run.object]
-            rows = self.accumulator.rows
-            for piece in self._slices(run.object, run.indirect):
-                result.append(
-                    LivePart(
-                        self.session_basis.index(item.id),
-                        run.indirect,
-                        piece,
-                        rows.pixel[run.start : run.stop],
-                        rows.cos_theta_o[run.start : run.stop],
-                        self.basis.tails,
-                    )
-                )
-        return result
+        rows = self.accumulator.rows
+        return [
+            LivePart(
+                self.session_basis.index(self.basis.objects[run.object].id),
+                run.indirect,
+                piece,
+                rows.pixel[run.start : run.stop],
+                rows.cos_theta_o[run.start : run.stop],
+                self.basis.tails,
+            )
+            for run in self.accumulator.layout.runs
+            for piece in self._slices(run.object, run.indirect)
+        ]
 
     def _slices(self, index: int, indirect: bool) -> tuple[ColumnSlice, ...]:
         return self.basis.indirect_slices(index) if indirect else self.basis.slices(index)

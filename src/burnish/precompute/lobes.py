@@ -34,7 +34,9 @@ def lobe_of(layers: Sequence[Layer], state: MaterialState) -> tuple[Float64, flo
         c = coefficients(layer, state.layers[layer.name]).mean(axis=1)
         rank, bins = layer.model.rank, layer.bins
         _, weight, directional = energies(layer)
-        per_bin = np.einsum("o,okj,kj->j", weight, directional, c[: rank * bins].reshape(rank, bins))
+        per_bin = np.einsum(
+            "o,okj,kj->j", weight, directional, c[: rank * bins].reshape(rank, bins)
+        )
         per_bin = np.maximum(per_bin, 0.0)
         total += per_bin.sum()
         if layer.delta:

@@ -32,10 +32,12 @@ def basis_for(
     series: see `Basis`; its first number is the bins of every layer. bins: other numbers of
       bins by object id or "object.layer". Raises UnknownName, InvalidValue.
     """
-    chosen = scene.editable(editable)
+    materials = {
+        item.id: item.material for item in scene.editable(editable) if item.material is not None
+    }
     wanted = dict(bins or {})
-    known = {item.id for item in chosen} | {
-        f"{item.id}.{layer.name}" for item in chosen for layer in item.material.layers
+    known = set(materials) | {
+        f"{name}.{layer.name}" for name, material in materials.items() for layer in material.layers
     }
     for name in wanted:
         if name not in known:
@@ -43,14 +45,13 @@ def basis_for(
 
             raise UnknownName("editable object or layer", name, known)
     objects = []
-    for item in chosen:
+    for name, material in materials.items():
+        default = wanted.get(name, int(series[0]))
         layers = tuple(
-            layer.with_bins(
-                wanted.get(f"{item.id}.{layer.name}", wanted.get(item.id, int(series[0])))
-            )
-            for layer in item.material.layers
+            layer.with_bins(wanted.get(f"{name}.{layer.name}", default))
+            for layer in material.layers
         )
-        objects.append(EditableObject(item.id, replace(item.material, layers=layers)))
+        objects.append(EditableObject(name, replace(material, layers=layers)))
     if not objects:
         raise InvalidValue(
             f"scene {scene.name} has no editable object; `burnish info` names the reason for each"

@@ -45,10 +45,9 @@ def find_rows(tracer: Tracer, seed: int, samples: int = SAMPLES) -> Geometry:
         dr.scatter_add(counts, mi.UInt32(1), pixel * objects + mi.UInt32(symbolic), met)
         dr.scatter_add(fixed_seen, mi.UInt32(1), pixel, rough)
         dr.eval(counts, fixed_seen)
-    count = np.array(counts)[: pixels * objects].reshape(view.height, view.width, objects)
-    seen = dilate(count > 0).reshape(pixels, objects)
+    count = np.array(counts)[: pixels * objects].reshape(pixels, objects)
+    seen = dilate((count > 0).reshape(view.height, view.width, objects)).reshape(pixels, objects)
     rough = dilate((np.array(fixed_seen) > 0).reshape(view.height, view.width, 1)).reshape(pixels)
-    count = count.reshape(pixels, objects)
 
     # Fine rows where an object is seen; indirect rows of every object where a fixed one is
     fine_object, fine_pixel = np.nonzero(seen.T)
@@ -60,9 +59,9 @@ def find_rows(tracer: Tracer, seed: int, samples: int = SAMPLES) -> Geometry:
         parts.append(_blank(own, i, False))
         parts.append(_blank(indirect_pixel, i, True))
     rows = Rows.concatenate(parts)
-    rows.weight[:] = np.where(
-        rows.indirect, 0, count[rows.pixel, rows.object] / samples
-    ).astype(np.float32)
+    rows.weight[:] = np.where(rows.indirect, 0, count[rows.pixel, rows.object] / samples).astype(
+        np.float32
+    )
     _average_geometry(tracer, seed, samples, rows)
     return Geometry(rows, rough)
 

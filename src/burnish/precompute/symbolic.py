@@ -52,7 +52,6 @@ class Terms:
     H: Any
 
 
-
 class SymbolicMaterials:
     """Tables over (scene object, layer slot) and the functions that read them.
 
@@ -98,9 +97,7 @@ class SymbolicMaterials:
             sorted({self.models.index(layers[s].model) for layers in known if len(layers) > s})
             for s in range(self.slots)
         ]
-        self.ranks = [
-            max(self.models[m].rank for m in models) for models in self.slot_models
-        ]
+        self.ranks = [max(self.models[m].rank for m in models) for models in self.slot_models]
         self.any_delta = any(layer.delta for layers in known for layer in layers)
         self.maps = [
             (o, group, thing.maps[group])
@@ -110,7 +107,9 @@ class SymbolicMaterials:
         ]
         mapped = {(o, group) for o, group, _ in self.maps}
         self.slot_has_map = [
-            any(len(layers) > s and (o, layers[s].group) in mapped for o, layers in enumerate(known))
+            any(
+                len(layers) > s and (o, layers[s].group) in mapped for o, layers in enumerate(known)
+            )
             for s in range(self.slots)
         ]
         self.layered = layered
@@ -192,7 +191,9 @@ class SymbolicMaterials:
         self.symbolic = _array(mi.Int32, symbolic)
         self.layers_of = _array(mi.UInt32, layers_of)
         self.groups_of = _array(mi.UInt32, groups_of)
-        self.two_sided = _array(mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32))
+        self.two_sided = _array(
+            mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32)
+        )
         self._t = {
             "model": _array(mi.UInt32, model),
             "bins": _array(mi.UInt32, bins),
@@ -283,7 +284,9 @@ class SymbolicMaterials:
     def _fine_bin(self, t: Any, entry: Any, bins: Any) -> Any:
         return dr.minimum(mi.UInt32(self._warp(t, entry) * mi.Float(bins)), bins - 1)
 
-    def _evaluate(self, obj: Any, slot: int, wi: Any, wo: Any, active: Any) -> tuple[Any, list[Any]]:
+    def _evaluate(
+        self, obj: Any, slot: int, wi: Any, wo: Any, active: Any
+    ) -> tuple[Any, list[Any]]:
         """t and the quotients of one layer slot; zero where it has no layer."""
         entry = obj * max(self.slots, 1) + slot
         code = dr.gather(mi.UInt32, self._t["model"], entry)
@@ -375,9 +378,7 @@ class SymbolicMaterials:
             exists = active & (column != NONE)
             q = [dr.select(exists, mi.Float(1), 0)]
             q += [mi.Float(0)] * (self.ranks[s] - 1)
-            result.append(
-                Terms(dr.select(exists, column, 0), self._entry("bins", obj, s), q, H[s])
-            )
+            result.append(Terms(dr.select(exists, column, 0), self._entry("bins", obj, s), q, H[s]))
         return result
 
     def sample(self, obj: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
@@ -392,7 +393,9 @@ class SymbolicMaterials:
         is_half = ~is_delta & (u1 < p_delta + p_half)
         wi_half = self.lobes.sample(obj, wo, u2)
         wi_cosine = mi.warp.square_to_cosine_hemisphere(u2)
-        wi = dr.select(is_delta, mi.Vector3f(-wo.x, -wo.y, wo.z), dr.select(is_half, wi_half, wi_cosine))
+        wi = dr.select(
+            is_delta, mi.Vector3f(-wo.x, -wo.y, wo.z), dr.select(is_half, wi_half, wi_cosine)
+        )
         pdf = dr.select(is_delta, p_delta, self.pdf(obj, wi, wo))
         return wi, pdf, is_delta
 

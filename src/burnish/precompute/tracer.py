@@ -63,7 +63,6 @@ class Path:
     emission: Any
 
 
-
 class Tracer:
     """Traces passes of one view of a scene with a given set of symbolic objects."""
 
@@ -165,8 +164,9 @@ class Tracer:
         hit = path.active & (si.emitter(scene) != None)  # noqa: E711 (a device comparison)
         ds = mi.DirectionSample3f(scene, si, path.previous)
         light_pdf = scene.pdf_emitter_direction(path.previous, ds, hit & ~path.previous_delta)
-        emitted = si.emitter(scene).eval(si, hit)
-        emitted *= path.throughput * mis(path.previous_pdf, dr.select(path.previous_delta, 0, light_pdf))
+        light_pdf = dr.select(path.previous_delta, 0, light_pdf)
+        emitted = si.emitter(scene).eval(si, hit) * path.throughput
+        emitted *= mis(path.previous_pdf, light_pdf)
         emitted = dr.select(hit, emitted, 0)
         seen = path.depth == 0
         path.emission += dr.select(seen, emitted, 0)
@@ -216,7 +216,8 @@ class Tracer:
         ds, light = scene.sample_emitter_direction(si, sampler.next_2d(), True, active)
         lit = active & (ds.pdf != 0)
         light_local = si.to_local(ds.d)
-        wi = mi.Vector3f(light_local.x, light_local.y, dr.select(flip, -light_local.z, light_local.z))
+        wi = mi.Vector3f(light_local)
+        wi.z = dr.select(flip, -wi.z, wi.z)
         above = lit & ours & (wi.z > 0)
         bsdf = si.bsdf(ray)
         u1, u2 = sampler.next_1d(), sampler.next_2d()
@@ -226,8 +227,8 @@ class Tracer:
         incoming = path.throughput * light
         plain_light = incoming * value_plain * self._light_mis(ds, pdf_plain)
         plain_light = dr.select(lit & plain, plain_light, 0)
-        later_light = incoming * further * (
-            wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi)
+        later_light = (
+            incoming * further * (wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi))
         )
         path.pending = dr.select(later & above, later_light, 0)
 
@@ -291,9 +292,7 @@ class Tracer:
         path.previous = mi.Interaction3f(si)
         path.ray = si.spawn_ray(direction)
         path.depth += 1
-        path.active = active & (
-            dr.any(path.throughput != 0) | dr.any(path.pending != 0)
-        )
+        path.active = active & (dr.any(path.throughput != 0) | dr.any(path.pending != 0))
 
     # -- pieces ---------------------------------------------------------------------------
 

@@ -26,6 +26,14 @@ from burnish.scene.views import View, prepare_sensors, views_of
 
 
 @dataclass(frozen=True)
+class Request:
+    """What `load` was asked for, so that another process can load the same scene."""
+
+    scene: str | Path | Mapping[str, Any]
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Scene:
     """A scene that Mitsuba can trace, its objects and its views.
 
@@ -46,6 +54,7 @@ class Scene:
     tree: Tree
     drafts: tuple[Draft, ...]
     warnings: tuple[str, ...] = ()
+    request: Request = Request("", {})
 
     def object(self, object_id: str) -> SceneObject:
         """The object of that id. Raises UnknownName."""
@@ -144,7 +153,9 @@ def load(
         if source.suffix.lower() != ".xml":
             raise SceneError(f"{scene}: not a Mitsuba 3 scene; give an .xml file or an example")
         name, tree = source.stem, Tree.from_file(source, parameters)
-    return _assemble(name, source, tree, editable, resolution, by_bsdf, finish)
+    loaded = _assemble(name, source, tree, editable, resolution, by_bsdf, finish)
+    options = {"editable": editable, "resolution": resolution, "by_bsdf": by_bsdf}
+    return replace(loaded, request=Request(scene, options | parameters))
 
 
 def _assemble(

@@ -1,0 +1,131 @@
+"""Live sessions, through the real worker process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import burnish
+from burnish.app.live import LiveStudio, LiveView
+from burnish.core.errors import BurnishError
+from burnish.session import Session
+
+WAIT_SECONDS = 120.0
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for something that the worker does in its own time."""
+    end = time.monotonic() + WAIT_SECONDS
+    while not condition():
+        assert time.monotonic() < end, "the worker did not get there"
+        time.sleep(0.02)
+
+
+def studio_of(session: Session) -> LiveStudio:
+    assert isinstance(session.truth, LiveStudio)
+    return session.truth
+
+
+def view_of(session: Session) -> LiveView:
+    view = next(iter(session.views.values()))
+    assert isinstance(view, LiveView)
+    return view
+
+
+@pytest.fixture(scope="module")
+def live() -> Iterator[Session]:
+    with burnish.edit("cornell-box", resolution=(48, 48)) as session:
+        yield session
+
+
+def test_an_edit_keeps_every_sample(live: Session) -> None:
+    live.select("back")
+    live.frame()
+    until(lambda: view_of(live).samples >= 13)
+    before = view_of(live).samples
+    live.set("back.diffuse.color", (0.1, 0.1, 0.1))
+    dark = live.frame().mean()
+    live.set("back.diffuse.color", (0.9, 0.9, 0.9))
+    assert live.frame().mean() > 1.05 * dark
+    assert view_of(live).samples >= before
+    live.undo()
+    live.undo()
+
+
+def test_converges_to_the_path_tracer(live: Session) -> None:
+    live.set("floor.diffuse.color", (0.7, 0.3, 0.1))
+    live.set("back.specular.weight", 1.0)
+    live.set("back.specular.exponent", 30.0)
+    live.select("back")
+    live.frame()
+    until(lambda: view_of(live).samples >= 600)
+    emission = view_of(live).emission.max(axis=2) > 0
+    image = live.frame()
+    halves = [live.path_trace(spp=512, seed=seed) for seed in (1, 2)]
+    truth = (halves[0] + halves[1]) / 2
+    blocks = [_blocks(np.where(emission[..., None], 0, x)) for x in (image, truth, *halves)]
+    noise = np.abs(blocks[2] - blocks[3]).mean() / 2
+    # Averages over 6 x 6 pixels: the noise of both, with room for its spread, and the bias
+    # of further encounters with the wall as an albedo, which is below 1 % here
+    assert np.abs(blocks[0] - blocks[1]).mean() < 3 * noise + 0.01 * blocks[1].mean()
+    live.reset()
+
+
+def _blocks(image: np.ndarray) -> np.ndarray:
+    return np.asarray(image.reshape(8, 6, 8, 6, 3).mean(axis=(1, 3)))
+
+
+def test_another_object_and_none(live: Session) -> None:
+    live.select("small-box")
+    first = live.frame()
+    live.select()
+    second = live.frame()
+    assert first.shape == second.shape == (48, 48, 3)
+    assert np.isfinite(first).all()
+    assert np.isfinite(second).all()
+
+
+def test_editing_an_object_selects_it(live: Session) -> None:
+    live.select("back")
+    live.frame()
+    live.set("left.diffuse.color", (0.0, 0.0, 0.0))
+    assert live.selected == ("left",)
+    assert np.isfinite(live.frame()).all()
+    live.undo()
+
+
+def test_a_killed_worker_comes_back(live: Session) -> None:
+    live.select("floor")
+    live.frame()
+    studio, view = studio_of(live), view_of(live)
+    assert studio._process.pid is not None
+    os.kill(studio._process.pid, signal.SIGKILL)
+    shown = live.frame()
+    assert np.isfinite(shown).all()
+    until(lambda: studio.restarts == 1)
+    revision = view.revision
+    until(lambda: view.revision > revision)
+    assert np.isfinite(live.frame()).all()
+
+
+def test_closing_leaves_nothing() -> None:
+    session = burnish.edit("cornell-box", resolution=(16, 16))
+    session.frame()
+    studio = studio_of(session)
+    session.close()
+    assert not studio._process.is_alive()
+    assert not studio._folder.exists()
+    session.close()
+
+
+def test_a_bad_scene_is_an_error_in_words(tmp_path: Path) -> None:
+    with pytest.raises(BurnishError, match="nowhere"):
+        burnish.edit(tmp_path / "nowhere.xml")
+    with pytest.raises(BurnishError, match="teatray"):
+        burnish.edit("teatrey")
