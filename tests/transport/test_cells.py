@@ -39,13 +39,13 @@ def test_pieces_and_scales() -> None:
 
 def test_black_columns_and_tails_change_nothing() -> None:
     rng = np.random.default_rng(2)
-    outer = [rng.random((12, 1, 1, 1)) * rng.random((5, 4, 3)) for _ in range(2)]
+    outer = [rng.random((64, 1, 1, 1)) * rng.random((5, 4, 3)) for _ in range(2)]
     small = np.sum(outer, axis=0).astype(np.float32)
     columns, tails = [0, 2, 3, 6, 8], [1, 4, 5, 9]
-    T = np.zeros((12, 9, 11, 3), np.float32)
+    T = np.zeros((64, 9, 11, 3), np.float32)
     T[:, np.array(columns)[:, None], tails] = small
     scale = np.linspace(0.5, 1, 9, dtype=np.float32)
-    rows = np.arange(12, dtype=np.int32)
+    rows = np.arange(64, dtype=np.int32)
     wide = compress(T, 0, False, rows, scale, 1e-3).dense()
     narrow = compress(small, 0, False, rows, scale[columns], 1e-3).dense()
     np.testing.assert_allclose(wide[:, columns][:, :, tails], narrow, atol=5e-3)
