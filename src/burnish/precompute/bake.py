@@ -55,15 +55,22 @@ def plan_views(scene: Scene, basis: Basis, seed: int) -> list[ViewPlan]:
 
 def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: float) -> Tile:
     """Trace one tile to the end and compress it."""
-    rectangle, view = plan.tiles[number], plan.tracer.view
-    basis = plan.tracer.basis
+    rectangle = plan.tiles[number]
     accumulator = Accumulator(plan.tracer, rectangle, plan.tile_rows(rectangle))
     for index, samples in enumerate(strata(spp)):
         accumulator.run(samples, tile_seed(seed, plan.name, number, index))
+    return finished_tile(accumulator, tolerance)
+
+
+def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
+    """What an accumulator has gathered, compressed."""
+    rectangle, tracer = accumulator.rectangle, accumulator.tracer
     blocks: list[Block] = []
     for run, T in zip(accumulator.layout.runs, accumulator.transport(), strict=True):
         which = np.arange(run.start, run.stop, dtype=np.int32)
-        blocks += compress_tile(T, accumulator.rows, which, view.width, basis, tolerance)
+        blocks += compress_tile(
+            T, accumulator.rows, which, tracer.view.width, tracer.basis, tolerance
+        )
     rows, blocks = _drop_unused(accumulator.rows, blocks)
     t = accumulator.target
     return Tile(

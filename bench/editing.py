@@ -1,0 +1,130 @@
+"""Freezing and frames of a bundle, each beside what memory bandwidth alone would take.
+
+`python -m bench.editing BUNDLE OBJECT [--repeats N]` prints them as one line of JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import burnish
+from bench.timing import forget, interleaved, reader, seconds
+from burnish.core.types import Value
+from burnish.materials.parameter import Parameter
+from burnish.runtime.freeze import freeze
+from burnish.session import Session
+from burnish.transport.frozen import Frozen
+
+STEPS = 32
+
+
+def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
+    """Freeze one object and edit it. Milliseconds; "× bandwidth" over reading as many bytes."""
+    bundle = burnish.open_bundle(path)
+    source = next(iter(bundle.views.values()))
+    index = (bundle.basis.index(object_id),)
+    session = burnish.edit(bundle)
+    turn_up_gloss(session, object_id)
+    state = dict(session.state)
+
+    # From memory, beside reading the blocks and what is made of them
+    frozen = freeze(source, index, state)
+    stored = sum(pack.nbytes for pack in source.packs())
+    made = sum(part.F.nbytes for part in frozen.parts)
+    freezing = interleaved(
+        {"freeze": lambda: freeze(source, index, state), "read": reader(stored + made)},
+        max(3, repeats // 4),
+    )
+
+    # With nothing read, nor in the system's cache
+    def thaw() -> None:
+        view = next(iter(burnish.open_bundle(path).views.values()))
+        freeze(view, index, state)
+
+    cold = []
+    for _ in range(3):
+        forget(path)
+        cold.append(seconds(thaw))
+
+    # Frames, one parameter moving at each
+    session.select(object_id)
+    name, parameter = moving_parameter(session, object_id)
+    turn = count()
+
+    def frame() -> None:
+        session.set(name, place(parameter, (next(turn) % STEPS + 0.5) / STEPS))
+        session.frame()
+
+    size = frame_bytes(frozen)
+    frames = interleaved({"frame": frame, "read": reader(size)}, repeats)
+    return {
+        "object": object_id,
+        "edited": name,
+        "pixels": source.width * source.height,
+        "blocks_bytes": stored,
+        "frozen_bytes": made,
+        "frame_bytes": size,
+        "freeze_ms": 1e3 * freezing["freeze"],
+        "freeze_bandwidth_ratio": freezing["freeze"] / freezing["read"],
+        "cold_ms": 1e3 * sorted(cold)[1],
+        "frame_ms": 1e3 * frames["frame"],
+        "frame_bandwidth_ratio": frames["frame"] / frames["read"],
+        "gb_s": size / frames["read"] / 1e9,
+    }
+
+
+def turn_up_gloss(session: Session, object_id: str) -> None:
+    """Give every layer of an object weight, so that all of its columns count."""
+    for info in session.objects:
+        for layer in info.layers if info.id == object_id else ():
+            if session.state[object_id].layers[layer.name].weight == 0:
+                session.set_weight(f"{object_id}.{layer.name}", 0.3)
+
+
+def moving_parameter(session: Session, object_id: str) -> tuple[str, Parameter]:
+    """The path of an object's number whose edits change most: its lobe's sharpness."""
+    material = session.material(object_id)
+    assert material is not None
+    found = [
+        (f"{object_id}.{layer.name}.{parameter.name}", parameter)
+        for layer in material.layers
+        for parameter in material.parameters(layer.name)
+    ]
+    for wanted in ("roughness", "exponent", "color"):
+        for name, parameter in found:
+            if parameter.name == wanted:
+                return name, parameter
+    return found[0]
+
+
+def place(parameter: Parameter, t: float) -> Value:
+    """A value at t in [0, 1] of a parameter's range."""
+    if parameter.kind == "colour":
+        return (0.2 + 0.6 * t, 0.4, 0.4)
+    low, high = max(parameter.minimum, 0.02), min(parameter.maximum, 1e4)
+    return low + (high - low) * t
+
+
+def frame_bytes(frozen: Frozen) -> int:
+    """What a frame must read at least: F of the targets, and once V of all other rows."""
+    own = sum(part.F.nbytes for part in frozen.parts if part.slice is not None)
+    others = any(part.slice is None for part in frozen.parts)
+    return own + int(others) * frozen.base.nbytes * len(frozen.powers.exponents)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bundle", type=Path)
+    parser.add_argument("object")
+    parser.add_argument("--repeats", type=int, default=40)
+    options = parser.parse_args()
+    print(json.dumps(measure(options.bundle, options.object, options.repeats)))
+
+
+if __name__ == "__main__":
+    main()
