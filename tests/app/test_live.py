@@ -81,6 +81,20 @@ def _blocks(image: np.ndarray) -> np.ndarray:
     return np.asarray(image.reshape(8, 6, 8, 6, 3).mean(axis=(1, 3)))
 
 
+def test_the_denoiser_takes_noise_and_keeps_the_light(live: Session) -> None:
+    pytest.importorskip("pyoidn")
+    live.select("floor")
+    live.frame()
+    until(lambda: view_of(live).samples >= 29)
+    noisy, clean = live.frame(), live.denoised()
+    assert clean.shape == noisy.shape
+    # The ceiling is one smooth surface: neighbours differ by their noise
+    rough = [np.abs(np.diff(x[2:5, 8:18], axis=1)).mean() for x in (noisy, clean)]
+    assert rough[1] < rough[0]
+    lit = view_of(live).emission.max(axis=2) == 0
+    assert clean[lit].mean() == pytest.approx(noisy[lit].mean(), rel=0.05)
+
+
 def test_another_object_and_none(live: Session) -> None:
     live.select("small-box")
     first = live.frame()

@@ -8,7 +8,7 @@ import multiprocessing
 import shutil
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -48,6 +48,7 @@ def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Sess
         for name, _, reason in opened.objects
     ]
     session = Session(studio.views, objects, studio, opened.name)
+    session.denoiser = studio
     session.on_change(lambda: studio.follow(session.state))
     session.on_close(studio.close)
     return session
@@ -70,7 +71,7 @@ class LiveStudio:
         atexit.register(shutil.rmtree, self._folder, ignore_errors=True)
         self._changed = threading.Condition()
         self._serials = itertools.count(1)
-        self._jobs: dict[int, w.Rendered | None] = {}
+        self._jobs: dict[int, w.Pictured | None] = {}
         self._progress: dict[int, Progress] = {}
         self._request: w.Select | None = None
         self._failure: w.Failed | None = None
@@ -133,7 +134,7 @@ class LiveStudio:
             self.views[message.view].publish(message)
         elif isinstance(message, w.Failed) and message.serial == current:
             self._failure = message
-        elif isinstance(message, w.Rendered):
+        elif isinstance(message, w.Pictured):
             self._jobs[message.job] = message
         elif isinstance(message, w.Progressed) and message.job in self._progress:
             self._progress[message.job](message.fraction, message.what)
@@ -144,7 +145,7 @@ class LiveStudio:
         with self._changed:
             for job, done in self._jobs.items():
                 if done is None:
-                    self._jobs[job] = w.Rendered(job, None, "the tracing process ended; try again")
+                    self._jobs[job] = w.Pictured(job, None, "the tracing process ended; try again")
             self._changed.notify_all()
         try:
             self._start()
@@ -228,12 +229,20 @@ class LiveStudio:
         progress: Progress | None = None,
     ) -> Float32:
         """The path tracer's picture, made by the worker: float32 [height, width, 3]."""
+        return self._picture(lambda job: w.Render(job, dict(state), view, spp, seed), progress)
+
+    def denoise(self, image: Float32, view: str) -> Float32:
+        """A noisy picture of a view, cleaned by the worker: float32 [height, width, 3]."""
+        return self._picture(lambda job: w.Denoise(job, view, image), None)
+
+    def _picture(self, ask: Callable[[int], object], progress: Progress | None) -> Float32:
+        """Ask the worker for a picture and wait for it. Raises SceneError in its words."""
         job = next(self._serials)
         with self._changed:
             self._jobs[job] = None
             if progress:
                 self._progress[job] = progress
-            self._send(w.Render(job, dict(state), view, spp, seed))
+            self._send(ask(job))
             self._changed.wait_for(lambda: self._jobs[job] is not None)
             done = self._jobs.pop(job)
             self._progress.pop(job, None)

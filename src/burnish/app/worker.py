@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -76,6 +77,15 @@ class Render:
 
 
 @dataclass(frozen=True)
+class Denoise:
+    """Clean a picture of a view."""
+
+    job: int
+    view: str
+    image: Float32
+
+
+@dataclass(frozen=True)
 class Part:
     """Where a part's F lies: an offset into the mapped floats, and its shape."""
 
@@ -110,8 +120,8 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Rendered:
-    """A reference is done; error says why not."""
+class Pictured:
+    """A reference or a cleaned picture is done; error says why not."""
 
     job: int
     image: Float32 | None
@@ -174,6 +184,7 @@ class _Worker:
         self.serial = 0
         self.paused = False
         self.truth: Any = None
+        self.denoisers: dict[str, Any] = {}
         scene = self.scene
         pipe.send(
             Opened(
@@ -220,7 +231,9 @@ class _Worker:
         elif isinstance(message, Pause):
             self.paused = message.paused
         elif isinstance(message, Render):
-            self._render(message)
+            self._picture(message.job, lambda: self._rendered(message))
+        elif isinstance(message, Denoise):
+            self._picture(message.job, lambda: self._denoised(message))
 
     def _select(self, message: Select) -> None:
         from burnish.precompute.live import LiveEstimate
@@ -304,23 +317,37 @@ class _Worker:
         self.published[view] = estimate.samples, time.monotonic() + max(9 * spent - 1.0, 0.0)
         self.pipe.send(Published(self.serial, view, estimate.samples))
 
-    def _render(self, message: Render) -> None:
+    def _picture(self, job: int, make: Callable[[], Float32]) -> None:
+        """Make a picture and send it, or why there is none."""
+        try:
+            answer = Pictured(job, make())
+        except (EOFError, BrokenPipeError):
+            raise
+        except Exception as error:  # noqa: BLE001 - the session must live
+            answer = Pictured(job, None, _words(error))
+        self.pipe.send(answer)
+
+    def _rendered(self, message: Render) -> Float32:
         from burnish.reference.truth import PathTracedTruth
+
+        if self.truth is None:
+            self.truth = PathTracedTruth(self.scene, self.basis.bounces)
 
         def progress(fraction: float, what: str) -> None:
             self.pipe.send(Progressed(message.job, fraction, what))
 
-        try:
-            if self.truth is None:
-                self.truth = PathTracedTruth(self.scene, self.basis.bounces)
-            image = self.truth.render(
-                message.state, message.view, message.spp, message.seed, progress
-            )
-            self.pipe.send(Rendered(message.job, image))
-        except (EOFError, BrokenPipeError):
-            raise
-        except Exception as error:  # noqa: BLE001 - the session must live
-            self.pipe.send(Rendered(message.job, None, _words(error)))
+        image: Float32 = self.truth.render(
+            message.state, message.view, message.spp, message.seed, progress
+        )
+        return image
+
+    def _denoised(self, message: Denoise) -> Float32:
+        from burnish.precompute.denoise import Denoiser
+
+        if message.view not in self.denoisers:
+            self.denoisers[message.view] = Denoiser.of(self.scene, self.scene.view(message.view))
+        image: Float32 = self.denoisers[message.view].clean(message.image)
+        return image
 
 
 def _words(error: Exception) -> str:

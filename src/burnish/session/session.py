@@ -34,7 +34,7 @@ from burnish.session.pictures import ViewPictures
 from burnish.transport.basis import State, initial_state
 from burnish.transport.frozen import Transport
 from burnish.transport.pack import BlockSource
-from burnish.transport.protocols import Truth
+from burnish.transport.protocols import Denoiser, Truth
 
 _ALBEDO_SLACK = 1e-3
 
@@ -76,6 +76,7 @@ class Session:
             raise InvalidValue("a session needs at least one view; got none")
         self.name = name
         self.truth = truth
+        self.denoiser: Denoiser | None = None
         self._pictures = {key: ViewPictures(key, value) for key, value in transports.items()}
         self._basis = next(iter(self._pictures.values())).transport.basis
         self._materials = {item.id: item.material for item in self._basis.objects}
@@ -324,6 +325,15 @@ class Session:
         return self.truth.render(
             dict(self._history.state), self._view(view).name, spp, seed, progress
         )
+
+    def denoised(self, view: str | None = None) -> Float32:
+        """The present picture with its noise cleaned away, for the eye alone.
+
+        float32 [height, width, 3], linear RGB. Raises MissingRayTracer where nothing traces.
+        """
+        if self.denoiser is None:
+            raise MissingRayTracer("only a live session denoises: a bundle is as clean as its bake")
+        return self.denoiser.denoise(self.frame(view), self._view(view).name)
 
     def warnings(self) -> list[str]:
         """What is odd about the present materials, one line each."""

@@ -6,16 +6,34 @@ from typing import Protocol
 
 from burnish.core.types import Float32, Progress
 from burnish.transport.basis import State
-from burnish.transport.frozen import Transport
 
 
 class Refiner(Protocol):
     """A live estimate that goes on in a worker process."""
 
-    def select(self, object_ids: tuple[str, ...], state: State) -> Transport: ...
-    def pause(self) -> None: ...
-    def resume(self) -> None: ...
-    def close(self) -> None: ...
+    def select(self, targets: tuple[str, ...], state: State) -> None:
+        """Estimate with these objects symbolic and the others as they are in `state`."""
+        ...
+
+    def follow(self, state: State) -> None:
+        """Let the samples to come follow the current look."""
+        ...
+
+    def pause(self, paused: bool = True) -> None:
+        """Stop, or go on."""
+        ...
+
+    def close(self) -> None:
+        """End the worker."""
+        ...
+
+
+class Denoiser(Protocol):
+    """Cleans a resting picture; never part of dragged, saved or compared ones."""
+
+    def denoise(self, image: Float32, view: str) -> Float32:
+        """float32 [height, width, 3], linear RGB."""
+        ...
 
 
 class DirectLight(Protocol):
