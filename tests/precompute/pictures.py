@@ -29,17 +29,19 @@ from burnish.transport.basis import Basis, State, initial_state
 class Picture:
     """The mean over passes and the variance of that mean: float64 [height, width, 3].
 
-    Directly seen emission is left out. lost: samples that found no row.
+    Directly seen emission is left out. lost: samples that found no row. passes: float32
+    [passes, height, width, 3].
     """
 
     mean: Float64
     variance: Float64
     emission: Float64
     lost: int
-    passes: Float32 | None = None
+    passes: Float32
 
 
-Contract = Callable[[Accumulator, State], Float64]
+Look = Callable[[Accumulator], Float64]
+"""Makes a picture, float64 [height, width, 3], of what has been accumulated."""
 
 
 def accumulator(
@@ -87,36 +89,64 @@ def polynomial(tensor: Accumulator, state: State, tails: Float64 | None = None) 
     return fixed.astype(np.float64) + image.reshape(fixed.shape)
 
 
+def look(state: State) -> Look:
+    """The picture in a state of the materials."""
+    return lambda tensor: polynomial(tensor, state)
+
+
+def mistaken(
+    state: State, variable: tuple[int, str] | None = None, coarse: int | None = None
+) -> Look:
+    """The same with one number of the tails 2 % too large: the albedo of a variable, or a
+    coarse coefficient. Either is what a wrong e_j would do."""
+
+    def picture(tensor: Accumulator) -> Float64:
+        basis = tensor.tracer.basis
+        albedos = basis.albedos(state).copy()
+        if variable is not None:
+            albedos[basis.variables.index(variable)] *= 1.02
+        tails = basis.monomials.evaluate(albedos)
+        if basis.coarse:
+            values = basis.coarse_values(state).copy()
+            if coarse is not None:
+                values[coarse] *= 1.02
+            products = (values[:, None] * tails[None]).reshape(-1, 3)
+            tails = np.concatenate([np.ones((1, 3)), products])
+        return polynomial(tensor, state, tails)
+
+    return picture
+
+
 def pictures(
     scene: Scene,
     basis: Basis,
-    states: Sequence[State] | None = None,
+    looks: Sequence[Look] | None = None,
     *,
     spp: int,
-    passes: int = 64,
+    per_pass: int = 16,
     seed: int = 0,
     follow: State | None = None,
-    contract: Contract = polynomial,
 ) -> list[Picture]:
-    """One picture per state, all from the same `spp` samples per pixel in `passes` passes.
+    """One picture per look, all from the same `spp` samples per pixel.
 
-    states: the scene's own materials when None.
+    looks: the scene's own materials when None. per_pass: samples that are stratified
+      together, a power of four; passes are independent.
     """
-    states = [initial_state(basis.objects)] if states is None else states
+    looks = [look(initial_state(basis.objects))] if looks is None else looks
     tensor = accumulator(scene, basis, seed, follow)
-    found: list[list[Float64]] = [[] for _ in states]
-    emission = 0.0
-    for number in range(passes):
+    found: list[list[Float64]] = [[] for _ in looks]
+    count, emission = spp // per_pass, 0.0
+    for number in range(count):
         clear(tensor)
-        tensor.run(spp // passes, tile_seed(seed, "view", 0, number))
-        emission = emission + tensor.image(tensor.target.emission) / passes
-        for k, state in enumerate(states):
-            found[k].append(contract(tensor, state))
+        tensor.run(per_pass, tile_seed(seed, scene.view().name, 0, number))
+        emission = emission + tensor.image(tensor.target.emission) / count
+        for images, make in zip(found, looks, strict=True):
+            images.append(make(tensor))
     lost = int(np.array(tensor.target.lost)[0])
     return [
         Picture(
             np.mean(images, axis=0),
-            np.var(images, axis=0, ddof=1) / passes,
+            np.var(images, axis=0, ddof=1) / count,
             np.asarray(emission),
             lost,
             np.array(images, np.float32),

@@ -88,7 +88,7 @@ def test_a_closed_box_of_lamps_is_a_geometric_series() -> None:
         resolution=(8, 8),
     )
     for series in ((1,), (1, 1, 1, 1), (1, 1, 1, 1, 1, 1)):
-        picture = pictures(scene, basis_for(scene, None, series), spp=512, passes=32)[0]
+        picture = pictures(scene, basis_for(scene, None, series), spp=512, per_pass=64)[0]
         expected = 1 - d ** (len(series) + 1) - emitted
         result = against(picture, expected)
         assert result.passed, str(result)
@@ -144,7 +144,7 @@ def directional(item: Material, state: MaterialState, layer: str, cosine: float)
 def test_a_plane_under_the_sky_shows_its_directional_albedo(item: Material, node: int) -> None:
     cosine = float(energies(item.layers[0])[0][node])
     scene = single_plane(item, cosine)
-    picture = pictures(scene, basis_for(scene, None, (64,)), spp=1024, passes=16)[0]
+    picture = pictures(scene, basis_for(scene, None, (64,)), spp=1024, per_pass=64)[0]
     expected = np.zeros(3)
     for layer in item.layers:
         expected += directional(item, item.initial, layer.name, cosine)
@@ -264,7 +264,7 @@ def reflected_lamp(scene: Scene, margin: float) -> tuple[np.ndarray, np.ndarray]
 def test_a_delta_column_reflects_a_textured_light() -> None:
     item = mirror(0.0)
     scene = textured_lamp(item)
-    picture = pictures(scene, basis_for(scene, None, (64,)), spp=4096)[0]
+    picture = pictures(scene, basis_for(scene, None, (64,)), spp=4096, per_pass=256)[0]
     expected, clear = reflected_lamp(scene, margin=0.12)
     tint = coefficients(item.layers[0], item.initial.layers["specular"])[-1]
     expected = expected * tint
@@ -282,7 +282,7 @@ def test_a_mirror_like_lobe_reflects_a_textured_light() -> None:
     item = mirror(0.005, delta=False)
     scene = textured_lamp(item)
     basis = basis_for(scene, None, (256,))
-    picture = pictures(scene, basis, spp=4096)[0]
+    picture = pictures(scene, basis, spp=4096, per_pass=256)[0]
     expected, clear = reflected_lamp(scene, margin=0.25)
     expected = expected * np.array(item.initial.layers["specular"].values["color"])
     lit = clear & (expected.max(axis=-1) > 0)
