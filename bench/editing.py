@@ -34,7 +34,7 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
     # From memory, beside reading the blocks and what is made of them
     frozen = freeze(source, index, state)
     stored = sum(pack.nbytes for pack in source.packs())
-    made = sum(part.F.nbytes for part in frozen.parts)
+    made = sum(part.nbytes for part in frozen.parts)
     freezing = interleaved(
         {"freeze": lambda: freeze(source, index, state), "read": reader(stored + made)},
         max(3, repeats // 4),
@@ -111,7 +111,7 @@ def place(parameter: Parameter, t: float) -> Value:
 
 def frame_bytes(frozen: Frozen) -> int:
     """What a frame must read at least: F of the targets, and once V of all other rows."""
-    own = sum(part.F.nbytes for part in frozen.parts if part.slice is not None)
+    own = sum(part.nbytes for part in frozen.parts if part.slice is not None)
     others = any(part.slice is None for part in frozen.parts)
     return own + int(others) * frozen.base.nbytes * len(frozen.powers.exponents)
 

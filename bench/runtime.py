@@ -141,7 +141,7 @@ def measure(size: int, ranks: tuple[int, int]) -> dict[str, Any]:
     # Freeze from memory
     frozen = freeze(source, target, start)
     stored = sum(pack.nbytes for pack in source.packs())
-    made = sum(part.F.nbytes for part in frozen.parts)
+    made = sum(part.nbytes for part in frozen.parts)
     freeze_ms = milliseconds(lambda: freeze(source, target, start), 7)
 
     # Frames: one parameter of the wall moves each time

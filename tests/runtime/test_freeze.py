@@ -13,27 +13,10 @@ from burnish.core.errors import InvalidValue, TooLarge
 from burnish.materials.layer import LayerState, MaterialState
 from burnish.runtime.freeze import BakedTransport, freeze
 from burnish.runtime.renderer import Renderer
-from burnish.transport.basis import EditableObject, State, initial_state
-from tests.runtime.worlds import basis_of, glossy, plain_image, random_world, shaded
+from burnish.transport.basis import EditableObject, initial_state
+from tests.runtime.worlds import basis_of, edited, glossy, plain_image, random_world, shaded
 
 SERIES = [(6,), (6, 1), (6, 1, 1, 1), (6, 3), (6, 3, 1), (6, 2, 1, 1)]
-
-
-def edited(state: State, *ids: str, **values: object) -> dict[str, MaterialState]:
-    result = dict(state)
-    for object_id in ids:
-        layers = {
-            name: replace(
-                layer,
-                values={
-                    **layer.values,
-                    **{key: value for key, value in values.items() if key in layer.values},
-                },
-            )
-            for name, layer in state[object_id].layers.items()
-        }
-        result[object_id] = MaterialState(layers)
-    return result
 
 
 @pytest.mark.parametrize("lid", [glossy, shaded])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -130,6 +130,24 @@ def random_world(
         random_tile(basis, half, 0, width - half, height, width, seed + 1),
     ]
     return TiledBlocks.of(basis, width, height, [tile for tile, _ in tiles]), tiles
+
+
+def edited(state: State, *ids: str, **values: object) -> dict[str, MaterialState]:
+    """The state with some parameters of some objects changed, where they have them."""
+    result = dict(state)
+    for object_id in ids:
+        layers = {
+            name: replace(
+                layer,
+                values={
+                    **layer.values,
+                    **{key: value for key, value in values.items() if key in layer.values},
+                },
+            )
+            for name, layer in state[object_id].layers.items()
+        }
+        result[object_id] = MaterialState(layers)
+    return result
 
 
 def plain_image(

@@ -7,14 +7,16 @@ quotient d^z / d_i^n, so that an albedo of 0 is an ordinary value),
     F[r, c, n] = Σ_z T[r, c, z] A[z, n],        V[r, n] = Σ_c s_c(r) coefficient_c F[r, c, n],
 
 F for rows that first meet a target and V for all others. Both are contracted in
-compressed form: the tails through S, then the columns, and the rows at the end.
+compressed form: the tails through S, then the columns, and the rows at the end; a target's
+rows stay in the directions of their blocks, for a frame to expand.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from burnish.core.errors import InvalidValue, TooLarge
 from burnish.core.parallel import parallel_map
 from burnish.core.types import Float32, Int32
 from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.expansion import Expansion
 from burnish.transport.frozen import Frozen, FrozenPart, Powers
 from burnish.transport.pack import BlockSource, Pack
 from burnish.transport.rows import Rows
@@ -87,12 +90,12 @@ def freeze(
             f"targets must lie in [0, {len(basis.objects) - 1}]; got {tuple(targets)}"
         )
     powers, factors = tail_factors(basis, chosen, state)
-    rows, packs = source.rows, source.packs()
-    _check_memory(source, packs, chosen, len(powers.exponents), memory)
-
+    rows = source.rows
     alike: dict[tuple[int, bool, int], list[Pack]] = {}
-    for pack in packs:
+    for pack in source.packs():
         alike.setdefault((pack.object, pack.indirect, pack.start), []).append(pack)
+    _check_memory(basis, list(alike.values()), chosen, len(powers.exponents), memory)
+
     parts: list[FrozenPart] = []
     for (index, _, _), members in sorted(alike.items()):
         contract = _keep_columns if index in chosen else _contract_columns
@@ -171,33 +174,61 @@ def _columns_of(basis: Basis, pack: Pack) -> ColumnSlice:
 def _keep_columns(
     basis: Basis, rows: Rows, packs: list[Pack], factors: Float32, state: State
 ) -> FrozenPart:
-    """F of a target's rows, for the columns that the packs share."""
+    """F of a target's rows, for the columns that the packs share.
+
+    In the blocks' own row directions where that is smaller, as it is for wide columns.
+    """
     columns = _columns_of(basis, packs[0])
     members, starts = _members(packs)
     n = factors.shape[1]
-    F = np.empty((3, len(members), (columns.stop - columns.start) * n), np.float32)
+    by_row, by_direction = _sizes(packs, n)
+    expanded = by_row <= by_direction
+    if not expanded:
+        directions = [int(pack.shape[:, 1].sum()) for pack in packs]
+        starts = [0, *accumulate(directions)]
+    count = len(members) if expanded else starts.pop()
+    F = np.empty((3, count, (columns.stop - columns.start) * n), np.float32)
 
-    def work(pack: Pack, start: int) -> None:
+    def work(pack: Pack, first: int) -> None:
         tails = _contract_tails(pack, factors)
         scale = pack.column_scale[None, :, None, None]
         for k, (r, a, b) in enumerate(pack.shape):
             at, end = pack.offsets[k], pack.offsets[k + 1]
-            first = start + int(at[0])
-            U = pack.U[at[1] : end[1]].reshape(r, a)
             core = pack.core[:, :, at[2] : end[2]].astype(np.float32).reshape(3, -1, b)
-            G = (core @ tails[:, at[3] : end[3]]).reshape(3, -1, a, n) * scale
-            np.matmul(U, G.transpose(0, 2, 1, 3).reshape(3, a, -1), out=F[:, first : first + r])
+            G = (core @ tails[:, at[3] : end[3]]).reshape(3, -1, a, n)
+            G = np.multiply(G, scale, out=G).transpose(0, 2, 1, 3)
+            if expanded:
+                U = pack.U[at[1] : end[1]].reshape(r, a)
+                np.matmul(U, G.reshape(3, a, -1), out=F[:, first : first + r])
+            else:
+                F[:, first : first + a].reshape(G.shape)[:] = G
+            first += r if expanded else a
 
     parallel_map(work, packs, starts)
-    first = packs[0]
     return FrozenPart(
-        object=first.object,
-        indirect=first.indirect,
+        object=packs[0].object,
+        indirect=packs[0].indirect,
         pixel=rows.pixel[members],
         F=F,
         cos_theta_o=rows.cos_theta_o[members],
         slice=columns,
+        expansion=None if expanded else Expansion.of(_row_directions(packs)),
     )
+
+
+def _row_directions(packs: Sequence[Pack]) -> Iterator[Float32]:
+    """U of every block: float32 [r, a]."""
+    for pack in packs:
+        for k, (r, a, _) in enumerate(pack.shape):
+            yield pack.U[pack.offsets[k, 1] : pack.offsets[k + 1, 1]].reshape(r, a)
+
+
+def _sizes(packs: Sequence[Pack], powers: int) -> tuple[int, int]:
+    """Bytes of F by rows, and by the blocks' row directions with what expands them."""
+    r = sum(int(pack.shape[:, 0].sum()) for pack in packs)
+    a = sum(int(pack.shape[:, 1].sum()) for pack in packs)
+    width = 12 * powers * packs[0].core.shape[1]
+    return r * width, a * width + sum(pack.U.nbytes for pack in packs)
 
 
 def _contract_columns(
@@ -250,23 +281,22 @@ def _members(packs: Sequence[Pack]) -> tuple[Int32, list[int]]:
 
 
 def _check_memory(
-    source: BlockSource,
-    packs: Sequence[Pack],
+    basis: Basis,
+    alike: Sequence[list[Pack]],
     targets: tuple[int, ...],
     powers: int,
     memory: int | None,
 ) -> None:
     """Refuse a freeze whose F would not fit."""
-    need = (
-        12
-        * powers
-        * sum(
-            len(pack.rows) * (pack.core.shape[1] if pack.object in targets else 1) for pack in packs
-        )
-    )
+    need = 0
+    for packs in alike:
+        if packs[0].object in targets:
+            need += min(_sizes(packs, powers))
+        else:
+            need += 12 * powers * sum(len(pack.rows) for pack in packs)
     limit = memory if memory is not None else _machine_memory() // 2
     if need > limit:
-        names = ", ".join(source.basis.objects[target].id for target in targets)
+        names = ", ".join(basis.objects[target].id for target in targets)
         raise TooLarge(
             f"selecting {names} together needs {need / 1e9:.1f} GB and at most "
             f"{limit / 1e9:.1f} GB may be used: select fewer objects at a time"

@@ -7,7 +7,7 @@ changed since the last frame are not read again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +55,7 @@ class Renderer:
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
         self._others = _join_others(frozen)
         self._groups = _group_by_rows(frozen)
-        self._light: dict[int, tuple[Float32, Float32]] = {}
+        self._known: dict[int, tuple[Float32, Float32]] = {}
 
     def image(self, state: State) -> Float32:
         """The picture with the targets' materials from `state`: float32 [h, w, 3], linear RGB.
@@ -66,12 +66,12 @@ class Renderer:
         numbers = _Numbers(frozen, state)
         planes = self._base.copy()
         if self._others is not None:
-            planes += self._contracted(-1, self._others, numbers.powers.T)
+            planes += self._others_light(self._others, numbers.powers.T)
         for group in self._groups:
             total = np.zeros((3, len(frozen.parts[group[0]].pixel)), np.float32)
             for k in group:
                 part = frozen.parts[k]
-                light = self._contracted(k, part.F, numbers.weights(part))
+                light = self._part_light(k, part, numbers.weights(part))
                 factor = numbers.outgoing(part)
                 total += light if factor is None else light * factor.T.astype(np.float32)
             pixel = frozen.parts[group[0]].pixel
@@ -82,16 +82,22 @@ class Renderer:
             image[:, h] = planes[h]
         return image.reshape(frozen.height, frozen.width, 3)
 
-    def _contracted(self, key: int, F: Float32, weights: Float64) -> Float32:
-        """F with its last (or, of the others, middle) axis contracted: float32 [3, r].
+    def _part_light(self, key: int, part: FrozenPart, weights: Float64) -> Float32:
+        """What a part adds to its rows: float32 [3, r], outgoing factor left out."""
+        return self._remembered(key, weights, lambda narrow: _light(part, narrow))
 
-        Not read again while the weights are those of the last time.
-        """
+    def _others_light(self, others: Float32, weights: Float64) -> Float32:
+        """What rows that first meet no target add: float32 [3, pixels]."""
+        return self._remembered(-1, weights, lambda w: np.matmul(w[:, None], others)[:, 0])
+
+    def _remembered(
+        self, key: int, weights: Float64, compute: Callable[[Float32], Float32]
+    ) -> Float32:
+        """The last result for a key, computed anew when its weights have changed."""
         narrow = weights.astype(np.float32)
-        known = self._light.get(key)
+        known = self._known.get(key)
         if known is None or not np.array_equal(known[0], narrow):
-            light = np.matmul(narrow[:, None], F)[:, 0] if key < 0 else _products(F, narrow)
-            known = self._light[key] = narrow, light
+            known = self._known[key] = narrow, compute(narrow)
         return known[1]
 
     def gradient(self, state: State, image_gradient: Float32) -> Gradient:
@@ -115,6 +121,8 @@ class Renderer:
             upstream = planes[:, part.pixel]
             factor = numbers.outgoing(part)
             scaled = upstream if factor is None else upstream * factor.T.astype(np.float32)
+            if part.expansion is not None:
+                scaled = part.expansion.back(scaled)
             back = np.stack(parallel_map(np.matmul, scaled, part.F)).astype(np.float64)
             if part.slice is None:
                 powers += back.T
@@ -128,7 +136,7 @@ class Renderer:
             powers += np.einsum("hcn,ch->nh", back, coefficients[span])
             if factor is not None:
                 weights = numbers.weights(part).astype(np.float32)
-                light = _products(part.F, weights)
+                light = _light(part, weights)
                 outgoing[(*key, part.slice.start)] = (upstream * light).T.astype(np.float64)
         albedos, coarse = _through_powers(frozen, state, powers)
         return Gradient(columns, powers, albedos, coarse, outgoing)
@@ -192,6 +200,12 @@ class _Numbers:
             return None
         cosines = part.cos_theta_o.astype(np.float64)
         return self.frozen.basis.outgoing_factor(part.object, self.state, part.slice, cosines)
+
+
+def _light(part: FrozenPart, weights: Float32) -> Float32:
+    """F of a part times the weights [3, columns · powers], at its rows: float32 [3, r]."""
+    products = _products(part.F, weights)
+    return products if part.expansion is None else part.expansion.expand(products)
 
 
 def _products(F: Float32, weights: Float32) -> Float32:

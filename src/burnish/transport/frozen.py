@@ -13,6 +13,7 @@ import numpy as np
 
 from burnish.core.types import Float32, Float64, Int32
 from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.expansion import Expansion
 from burnish.transport.rows import Rows
 
 
@@ -22,7 +23,9 @@ class FrozenPart:
 
     pixel: int32 [r], unique within the part. F is float32 [3, r, columns · powers] with
     columns those of `slice` when the object is a target, else [3, r, powers] (2008's F and
-    V; the powers run fastest). cos_theta_o: float32 [r], for the slice's outgoing factor.
+    V; the powers run fastest). With an `expansion` F has its directions instead of rows, and
+    what F is contracted to is expanded to the rows. cos_theta_o: float32 [r], for the
+    slice's outgoing factor.
     """
 
     object: int
@@ -32,6 +35,12 @@ class FrozenPart:
     cos_theta_o: Float32
     slice: ColumnSlice | None
     """None for rows of an object that is not a target."""
+    expansion: Expansion | None = None
+
+    @property
+    def nbytes(self) -> int:
+        """What a frame reads of it."""
+        return self.F.nbytes + (self.expansion.nbytes if self.expansion else 0)
 
 
 @dataclass
