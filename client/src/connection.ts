@@ -46,16 +46,17 @@ export class Connection {
         return;
       }
       const data = event.data;
+      const arrived = performance.now();
       // In order, though inflating takes its time.
       this.frames = this.frames
-        .then(() => readFrame(data))
+        .then(() => readFrame(data, arrived))
         .then((frame) => {
           if (frame) this.handlers.onFrame(frame);
         })
         .catch((error: unknown) => {
           console.error("frame dropped:", error);
           // The server waits for word of it before it sends the next.
-          this.send({ type: "Shown", frame: frameNumber(data) });
+          this.send({ type: "Shown", frame: frameNumber(data), held: 0 });
         });
     };
     socket.onclose = (event) => {

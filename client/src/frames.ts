@@ -14,6 +14,8 @@ export interface Frame {
   height: number;
   frame: number;
   revision: number;
+  /** When it arrived, by performance.now(). */
+  arrived: number;
   /** Float16 bit patterns [height, width, 3], or object numbers [height, width]. */
   pixels: Uint16Array;
 }
@@ -26,7 +28,7 @@ export function frameNumber(message: ArrayBuffer): number {
 }
 
 /** Read a message; `null` for one that is no frame. */
-export async function readFrame(message: ArrayBuffer): Promise<Frame | null> {
+export async function readFrame(message: ArrayBuffer, arrived: number): Promise<Frame | null> {
   if (message.byteLength < HEADER_BYTES) return null;
   const head = new Uint32Array(message, 0, 8);
   const [magic, kind, view, codec, width, height, frame, revision] = head as unknown as [
@@ -38,7 +40,7 @@ export async function readFrame(message: ArrayBuffer): Promise<Frame | null> {
     codec === 0
       ? new Uint16Array(message, HEADER_BYTES, width * height * channels)
       : await inflate(new Uint8Array(message, HEADER_BYTES), width, height, channels);
-  return { kind, view, width, height, frame, revision, pixels };
+  return { kind, view, width, height, frame, revision, arrived, pixels };
 }
 
 async function inflate(

@@ -22,7 +22,7 @@ export function listen(): void {
       event.preventDefault();
       return;
     }
-    if (event.altKey || typing(event.target) || model.helpOpen.value) return;
+    if (event.altKey || typing(event.target) || document.querySelector("dialog[open]")) return;
     const actions: Record<string, () => void> = {
       f: () => handles.forEach((view) => view.fit()),
       "1": () => handles.forEach((view) => view.actualSize()),

@@ -28,13 +28,14 @@ export interface ParameterInfo {
 }
 
 /** A layer's fixed side. coordinate: γ's name, "none" without a curve; its maximum is in
- * degrees when the coordinate is an angle. */
+ * degrees when the coordinate is an angle. weight: the scene's own. */
 export interface LayerInfo {
   name: string;
   model: string;
   description: string;
   coordinate: string;
   coordinate_maximum: number;
+  weight: number;
   parameters: ParameterInfo[];
 }
 
@@ -114,10 +115,12 @@ export interface Watch {
   views: string[];
 }
 
-/** A frame has been shown, so the next one may come. */
+/** A frame has been shown, so the next one may come. held: seconds that the page itself
+ * took from its arrival on; the rest was the way. */
 export interface Shown {
   type: "Shown";
   frame: number;
+  held: number;
 }
 
 /** Make these objects the edited ones; none deselects. */

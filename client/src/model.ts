@@ -171,7 +171,13 @@ export function showViews(names: string[]): void {
 export const mounted = new Set<string>();
 
 export const shown = (frame: Frame): void => {
-  if (frame.kind === Kind.Picture) connection.send({ type: "Shown", frame: frame.frame });
+  if (frame.kind === Kind.Picture) {
+    connection.send({
+      type: "Shown",
+      frame: frame.frame,
+      held: (performance.now() - frame.arrived) / 1000,
+    });
+  }
 };
 
 // -- edits ---------------------------------------------------------------------------------

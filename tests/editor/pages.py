@@ -51,7 +51,7 @@ class Page:
         frame = read(data)
         self.frames.append(frame)
         if self.acknowledge and frame.kind == Kind.PICTURE:
-            self.send("Shown", frame=frame.number)
+            self.send("Shown", frame=frame.number, held=0.0)
         return frame
 
     def until(

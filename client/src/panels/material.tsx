@@ -91,7 +91,7 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
           <Slider
             label="Weight"
             value={values.weight}
-            initial={1}
+            initial={info.weight}
             minimum={0}
             maximum={100}
             softMinimum={0}
@@ -100,7 +100,7 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
             onChange={(next) => model.setWeight(path, next)}
             onBegin={model.beginDrag}
             onEnd={model.endDrag}
-            onReset={() => model.setWeight(path, 1)}
+            onReset={() => model.setWeight(path, info.weight)}
           />
           {curve && <CurveEditor path={path} info={info} data={curve} curve={values.curve} />}
         </div>

@@ -1,6 +1,6 @@
 // One view's picture in WebGL 2: textures in, tone-mapped pixels out.
 import { Kind, type Frame } from "../frames";
-import { FRAGMENT, VERTEX } from "./shaders";
+import { fragment, VERTEX, type Features } from "./shaders";
 import type { RGB } from "../messages";
 
 export interface Look {
@@ -18,11 +18,17 @@ export interface Look {
 }
 
 const SURROUND: RGB = [0.118, 0.118, 0.118];
+const GRID_ZOOM = 14;
 
 const UNIFORMS = [
-  "picture", "other", "objects", "canvas", "size", "origin", "zoom", "gain", "operator", "comparison",
-  "wipe", "hovered", "selected", "glow", "thickness", "surround",
+  "picture", "other", "objects", "height", "size", "origin", "zoom", "gain", "wipe", "hovered",
+  "selected", "glow", "thickness",
 ] as const;
+
+interface Program {
+  program: WebGLProgram;
+  at: Record<(typeof UNIFORMS)[number], WebGLUniformLocation | null>;
+}
 
 interface Slot {
   texture: WebGLTexture;
@@ -32,8 +38,7 @@ interface Slot {
 
 export class Renderer {
   private readonly gl: WebGL2RenderingContext;
-  private readonly program: WebGLProgram;
-  private readonly at: Record<(typeof UNIFORMS)[number], WebGLUniformLocation | null>;
+  private readonly programs = new Map<string, Program>();
   private readonly slots: Record<Kind, Slot>;
 
   /** Throws an Error in words when the browser has no WebGL 2. */
@@ -47,23 +52,15 @@ export class Renderer {
     });
     if (!gl) throw new Error("This browser has no WebGL 2, which the picture needs.");
     this.gl = gl;
-    this.program = link(gl);
-    this.at = Object.fromEntries(
-      UNIFORMS.map((name) => [name, gl.getUniformLocation(this.program, name)]),
-    ) as typeof this.at;
     this.slots = {
       [Kind.Picture]: slot(gl),
       [Kind.Objects]: slot(gl),
       [Kind.Comparison]: slot(gl),
     };
-    gl.useProgram(this.program);
-    gl.uniform1i(this.at.picture, Kind.Picture);
-    gl.uniform1i(this.at.objects, Kind.Objects);
-    gl.uniform1i(this.at.other, Kind.Comparison);
-    gl.uniform3fv(this.at.surround, SURROUND);
+    gl.clearColor(...SURROUND, 1);
     gl.bindVertexArray(gl.createVertexArray());
     for (const kind of [Kind.Picture, Kind.Objects, Kind.Comparison]) {
-      this.upload({ kind, view: 0, width: 1, height: 1, frame: 0, revision: 0, pixels: new Uint16Array(3) });
+      this.upload({ kind, view: 0, width: 1, height: 1, frame: 0, revision: 0, arrived: 0, pixels: new Uint16Array(3) });
     }
   }
 
@@ -104,22 +101,60 @@ export class Renderer {
   }
 
   draw(look: Look): void {
-    const { gl, at, canvas } = this;
+    const { gl, canvas } = this;
+    const [width, height] = this.size;
     gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.uniform2f(at.canvas, canvas.width, canvas.height);
-    gl.uniform2f(at.size, ...this.size);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+
+    // Only the picture's own rectangle is shaded.
+    const left = Math.max(Math.round(look.origin[0]), 0);
+    const top = Math.max(Math.round(look.origin[1]), 0);
+    const right = Math.min(Math.round(look.origin[0] + width * look.zoom), canvas.width);
+    const bottom = Math.min(Math.round(look.origin[1] + height * look.zoom), canvas.height);
+    if (right <= left || bottom <= top) return;
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(left, canvas.height - bottom, right - left, bottom - top);
+
+    const selected = look.glow > 0 ? look.selected : 0;
+    const numbered = this.slots[Kind.Objects].width === width;
+    const { program, at } = this.programFor({
+      operator: look.operator,
+      comparison: this.comparable ? look.comparison : 0,
+      outlines: numbered && (look.hovered > 0 || selected > 0),
+      grid: look.zoom >= GRID_ZOOM,
+      smaller: look.zoom < 1,
+    });
+    gl.useProgram(program);
+    gl.uniform1f(at.height, canvas.height);
+    gl.uniform2f(at.size, width, height);
     gl.uniform2f(at.origin, ...look.origin);
     gl.uniform1f(at.zoom, look.zoom);
     gl.uniform3fv(at.gain, look.gain);
-    gl.uniform1i(at.operator, look.operator);
-    gl.uniform1i(at.comparison, this.comparable ? look.comparison : 0);
     gl.uniform1f(at.wipe, look.wipe);
-    const outlines = this.slots[Kind.Objects].width === this.size[0];
-    gl.uniform1i(at.hovered, outlines ? look.hovered : 0);
-    gl.uniform1i(at.selected, outlines ? look.selected : 0);
+    gl.uniform1i(at.hovered, look.hovered);
+    gl.uniform1i(at.selected, selected);
     gl.uniform1f(at.glow, look.glow);
     gl.uniform1f(at.thickness, 1.5 * look.pixelRatio);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  private programFor(features: Features): Program {
+    const key = JSON.stringify(features);
+    const known = this.programs.get(key);
+    if (known) return known;
+    const { gl } = this;
+    const program = link(gl, fragment(features));
+    const at = Object.fromEntries(
+      UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]),
+    ) as Program["at"];
+    gl.useProgram(program);
+    gl.uniform1i(at.picture, Kind.Picture);
+    gl.uniform1i(at.objects, Kind.Objects);
+    gl.uniform1i(at.other, Kind.Comparison);
+    const made = { program, at };
+    this.programs.set(key, made);
+    return made;
   }
 
   private get comparable(): boolean {
@@ -154,15 +189,15 @@ function slot(gl: WebGL2RenderingContext): Slot {
   return { texture, width: 0, height: 0 };
 }
 
-function link(gl: WebGL2RenderingContext): WebGLProgram {
+function link(gl: WebGL2RenderingContext, source: string): WebGLProgram {
   const program = gl.createProgram();
-  for (const [type, source] of [
+  for (const [type, text] of [
     [gl.VERTEX_SHADER, VERTEX],
-    [gl.FRAGMENT_SHADER, FRAGMENT],
+    [gl.FRAGMENT_SHADER, source],
   ] as const) {
     const shader = gl.createShader(type);
     if (!shader) throw new Error("The graphics card refused a shader.");
-    gl.shaderSource(shader, source);
+    gl.shaderSource(shader, text);
     gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) {
       throw new Error(`The viewer's shader did not compile: ${gl.getShaderInfoLog(shader)}`);

@@ -62,9 +62,11 @@ class Watch(ClientMessage):
 
 @dataclass(frozen=True)
 class Shown(ClientMessage):
-    """A frame has been shown, so the next one may come."""
+    """A frame has been shown, so the next one may come. held: seconds that the page itself
+    took from its arrival on; the rest was the way."""
 
     frame: int
+    held: float
 
 
 @dataclass(frozen=True)
@@ -230,13 +232,14 @@ class ParameterInfo:
 @dataclass(frozen=True)
 class LayerInfo:
     """A layer's fixed side. coordinate: γ's name, "none" without a curve; its maximum is in
-    degrees when the coordinate is an angle."""
+    degrees when the coordinate is an angle. weight: the scene's own."""
 
     name: str
     model: str
     description: str
     coordinate: str
     coordinate_maximum: float
+    weight: float
     parameters: tuple[ParameterInfo, ...]
 
 

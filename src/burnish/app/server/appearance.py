@@ -14,7 +14,7 @@ from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
 
-_SIZE = 112
+_SIZE = 104
 _AMBIENT = 0.18
 _BOX_CENTRE = np.array([-0.55, 0.65, 0.75])
 _BOX_HALF = 0.32
@@ -87,7 +87,7 @@ def ball(material: Material, state: MaterialState) -> str:
     eye = np.array([0.0, 0.0, 1.0])
     wo = _local(frame, np.broadcast_to(eye, normals.shape))
     radiance = np.zeros_like(normals)
-    lights = _softbox(5)
+    lights = _softbox(4)
     solid_angle = (2.0 * _BOX_HALF) ** 2 / float(_BOX_CENTRE @ _BOX_CENTRE) / len(lights)
     for light in lights:
         wi = _local(frame, np.broadcast_to(light, normals.shape))
@@ -104,7 +104,7 @@ def ball(material: Material, state: MaterialState) -> str:
 def total_albedo(material: Material, settled: MaterialState) -> Float64:
     """The reflected share of the light under a uniform sky: float64 [3]."""
     parts = [albedo(layer, settled.layers[layer.name]) for layer in material.layers]
-    return np.sum(parts, axis=0)
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def _delta(material: Material, settled: MaterialState, cos_theta_o: Float64) -> Float64:

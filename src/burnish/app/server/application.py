@@ -185,8 +185,8 @@ class Connection:
                 continue
             last = message.seq
             match message:
-                case m.Shown(frame=number):
-                    box.shown(number)
+                case m.Shown(frame=number, held=held):
+                    box.shown(number, held)
                     self._engine.poke()
                 case m.Watch(views=names):
                     self._watch(box, message, names)
@@ -218,7 +218,11 @@ async def _write(socket: WebSocket, box: Mailbox) -> None:
         while True:
             item = await box.take()
             if isinstance(item, Frame):
-                await socket.send_bytes(await asyncio.to_thread(item.encoded, box.deflate))
+                data = (
+                    await asyncio.to_thread(lambda f: f.deflated, item) if box.deflate else item.raw
+                )
+                box.sent(item.number, len(data))
+                await socket.send_bytes(data)
             else:
                 await socket.send_text(encode(item))
     except (WebSocketDisconnect, RuntimeError) as error:

@@ -61,6 +61,7 @@ def layer(item: Layer, initial: LayerState) -> LayerInfo:
         description=(type(model).__doc__ or "").strip().split("\n\n")[0],
         coordinate=model.coordinate_name if item.bins > 1 else "none",
         coordinate_maximum=math.degrees(maximum) if angle else maximum,
+        weight=initial.weight,
         parameters=tuple(
             parameter(info, initial.values.get(info.name, info.default))
             for info in model.parameters

@@ -15,15 +15,15 @@ import uuid
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar
 
 from burnish.app import messages as m
 from burnish.app.server import describe
-from burnish.app.server.appearance import ball, polar
 from burnish.app.server.frames import Frame, Kind, halves
 from burnish.app.server.mailbox import Mailbox
+from burnish.app.server.plots import Plots, Subject
 from burnish.app.server.snapshots import Snapshots
 from burnish.app.server.tracing import Tracing
 from burnish.core.errors import BurnishError, InvalidValue, UnknownName
@@ -35,7 +35,7 @@ log = logging.getLogger("burnish.editor")
 T = TypeVar("T")
 _QUEUE = 2000
 _POLL_SECONDS = 0.05
-_REST_SECONDS = 0.12
+_REST_SECONDS = 0.15
 _AUTOSAVE_SECONDS = 1.0
 
 
@@ -49,6 +49,7 @@ class Engine:
         self.views = tuple(session.views)
         self.snapshots = Snapshots()
         self.tracing = Tracing(session, self._reference_changed)
+        self._plots = Plots(self._to_all)
         self._boxes: list[Mailbox] = []
         self._queue: deque[tuple[Mailbox | None, Any]] = deque()
         self._changed = threading.Condition()
@@ -71,16 +72,18 @@ class Engine:
         self._theta_i = 45.0
         self._state_key: object = None
         self._plot_key: object = None
+        self._curves_key: object = None
         self._saved_revision = session.revision
         self._autosaved_revision = session.revision
         self._last_edit = 0.0
-        self._offer_recovery = autosave is not None and autosave.exists()
+        self._recoverable = _left_behind(autosave)
         self._progress: m.Progress | None = None
 
     # -- for the connections ----------------------------------------------------------------
 
     def start(self) -> None:
         """Begin."""
+        self._plots.start()
         self._thread.start()
 
     def close(self) -> None:
@@ -91,6 +94,7 @@ class Engine:
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join(timeout=10.0)
+        self._plots.close()
 
     def attach(self, box: Mailbox) -> None:
         """A page has come: send it everything."""
@@ -156,6 +160,7 @@ class Engine:
                 self._carry_out(box, item)
             self._publish_state()
             self._publish_frames()
+            self._publish_curves()
             if stop:
                 self._save_automatically()
                 return
@@ -286,10 +291,10 @@ class Engine:
         box.put(self.tracing.message(self.session.revision))
         if self._progress is not None:
             box.put(self._progress)
-        if self._offer_recovery:
+        if self._recoverable is not None:
             box.put(m.Notice("info", "Edits from an earlier run were found.", offer="recover"))
         self._state_key = None
-        self._plot_key = None
+        self._plot_key = self._curves_key = None
         for name, (_, frame) in self._object_frames.items():
             if box.watches(self._view_index(name)):
                 box.put_frame(frame)
@@ -339,7 +344,7 @@ class Engine:
         stamps = dict(self._stamps)
         for box in list(self._boxes):
             box.put_state(message, stamps)
-        if self._state_key is None or key[0] != self._state_key[0]:  # type: ignore[index]
+        if self.tracing.image is not None:
             self._to_all(self.tracing.message(self.session.revision))
         self._state_key = key
 
@@ -424,48 +429,47 @@ class Engine:
     def _at_rest(self) -> None:
         self._publish_progress()
         now = time.monotonic()
-        if now - self._last_edit < _REST_SECONDS:
+        if self._queue or now - self._last_edit < _REST_SECONDS:
             return
-        self._publish_plots()
+        self._draw_plots()
         self.tracing.compare_at_rest(self.session.revision, self._frame_of)
         if now - self._last_edit > _AUTOSAVE_SECONDS:
             self._save_automatically()
 
-    def _publish_plots(self) -> None:
+    def _publish_curves(self) -> None:
+        """The selected object's curves as they are now; cheap enough for every round."""
         selected = tuple(self.session.selected)
-        key = (self.session.revision, selected, self._theta_i)
+        key = self.session.revision, selected
+        if key == self._curves_key or not self._boxes:
+            return
+        self._curves_key = key
+        material = self._material(selected[0]) if selected else None
+        if material is not None:
+            state = self.session.state[selected[0]]
+            self._to_all(m.Curves(selected[0], describe.curves(material, state)))
+
+    def _draw_plots(self) -> None:
+        selected = tuple(self.session.selected)
+        key = self.session.revision, selected, self._theta_i
         if key == self._plot_key or not self._boxes:
             return
         self._plot_key = key
-        name = selected[0] if selected else ""
-        material = self._material(name)
-        if material is None:
-            return
-        state = self.session.state[name]
-        try:
-            self._to_all(m.Curves(name, describe.curves(material, state)))
-            theta, radiance = polar(material, state, self._theta_i)
-            self._to_all(
-                m.Appearance(
-                    object=name,
-                    ball=ball(material, state),
-                    theta_i=self._theta_i,
-                    theta=tuple(theta.tolist()),
-                    radiance=describe.rgb_list(radiance),
-                )
-            )
-        except Exception as error:
-            log.exception("plot of %s failed", name)
-            self._to_all(m.Notice("warning", f"The plots could not be drawn: {error!r}"))
+        material = self._material(selected[0]) if selected else None
+        if material is not None:
+            state = self.session.state[selected[0]]
+            self._plots.draw(Subject(selected[0], material, state, self._theta_i))
 
     def _publish_progress(self) -> None:
         times = self._frame_times
         recent = [t for t in times if time.monotonic() - t < 1.0]
         rate = (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 2 else 0.0
-        transport = self.session.views[self.views[0]]
-        text = getattr(transport, "progress_text", "")
-        fraction = float(getattr(transport, "progress_fraction", 1.0))
-        message = m.Progress(text, fraction, round(rate, 1))
+        # A bundle is as good as it will get; a live view counts its samples.
+        samples = getattr(self.session.views[self.views[0]], "samples", None)
+        message = m.Progress(
+            text="" if samples is None else f"{samples} samples per pixel",
+            fraction=1.0 if samples is None else -1.0,
+            frames_per_second=round(rate, 1),
+        )
         if message != self._progress:
             self._progress = message
             self._to_all(message)
@@ -487,6 +491,9 @@ class Engine:
             return
         self._autosaved_revision = self.session.revision
         try:
+            if not any(values.changed for values in self._values.values()):
+                self.autosave.unlink(missing_ok=True)
+                return
             self.autosave.parent.mkdir(parents=True, exist_ok=True)
             partial = self.autosave.with_suffix(".partial")
             partial.write_text(self.session.edits_text(), "utf-8")
@@ -495,14 +502,9 @@ class Engine:
             self._to_all(m.Notice("warning", f"The edits could not be autosaved: {error}"))
 
     def _recover(self, accept: bool) -> None:
-        if not self._offer_recovery or self.autosave is None:
-            return
-        self._offer_recovery = False
-        if accept:
-            self.load_text(self.autosave.read_text("utf-8"))
-        else:
-            with suppress(OSError):
-                self.autosave.unlink()
+        text, self._recoverable = self._recoverable, None
+        if accept and text is not None:
+            self.load_text(text)
 
     # -- small things -------------------------------------------------------------------------
 
@@ -526,6 +528,16 @@ class Engine:
         if view not in self.views:
             raise UnknownName("view", view, self.views)
         return self.views.index(view)
+
+
+def _left_behind(autosave: Path | None) -> str | None:
+    """The text of an earlier run's autosaved edits, if there are any."""
+    if autosave is None:
+        return None
+    try:
+        return autosave.read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def _slot(item: object) -> tuple[object, ...] | None:

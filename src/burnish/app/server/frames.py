@@ -67,10 +67,6 @@ class Frame:
         """The message for a slow link."""
         return self._header(DEFLATED) + zlib.compress(_planes(self.pixels), 1)
 
-    def encoded(self, deflate: bool) -> bytes:
-        """One of the two; takes milliseconds the first time."""
-        return self.deflated if deflate else self.raw
-
 
 def halves(image: Float32) -> NDArray[np.uint16]:
     """Linear RGB float32 [height, width, 3] as float16 bit patterns.

@@ -29,8 +29,11 @@ from burnish.app.server.frames import Frame, Kind
 FRAMES_IN_FLIGHT = 2
 """Frames sent and not yet shown; a second one hides the way there and back."""
 _NOTICES = 32
-_SLOW_SECONDS = 0.06
-"""A link on which a frame takes longer than this gets deflated frames."""
+_SLOW_LINK = 12e6
+"""Bytes a second; a link that never does better gets deflated frames."""
+_TELLING_BYTES = 200_000
+"""Smaller frames say more about the way's length than about its width."""
+_REMEMBERED = 5
 
 
 class Mailbox:
@@ -48,8 +51,8 @@ class Mailbox:
         self._state: State | None = None
         self._stamps: Mapping[str, int] = {}
         self._sent_stamp = -1
-        self._in_flight: dict[int, float] = {}
-        self.deflate = False
+        self._in_flight: dict[int, tuple[float, int]] = {}
+        self._speeds: deque[float] = deque(maxlen=_REMEMBERED)
 
     # -- the engine's side ----------------------------------------------------------------
 
@@ -102,14 +105,25 @@ class Mailbox:
             self._views = views
             self._frames = {slot: f for slot, f in self._frames.items() if slot[1] in views}
 
-    def shown(self, number: int) -> None:
-        """The page has shown a frame."""
+    def shown(self, number: int, held: float) -> None:
+        """The page has shown a frame, `held` seconds after it arrived there."""
         with self._lock:
-            sent = self._in_flight.pop(number, None)
-            if sent is not None:
-                slow = time.monotonic() - sent > _SLOW_SECONDS * (0.5 if self.deflate else 1.0)
-                self.deflate = slow
+            sent, size = self._in_flight.pop(number, (0.0, 0))
+            if size >= _TELLING_BYTES:
+                way = time.monotonic() - sent - held
+                self._speeds.append(size / max(way, 1e-3))
         self._notify()
+
+    def sent(self, number: int, size: int) -> None:
+        """A frame of `size` bytes has begun its way."""
+        with self._lock:
+            if number in self._in_flight:
+                self._in_flight[number] = time.monotonic(), size
+
+    @property
+    def deflate(self) -> bool:
+        """Whether the link is so slow that making frames smaller makes them faster."""
+        return len(self._speeds) == _REMEMBERED and max(self._speeds) < _SLOW_LINK
 
     @property
     def _behind(self) -> bool:
@@ -146,7 +160,7 @@ class Mailbox:
                     return self._messages.pop(kind)
             for slot, frame in self._frames.items():
                 if slot[0] == Kind.PICTURE:
-                    self._in_flight[frame.number] = time.monotonic()
+                    self._in_flight[frame.number] = time.monotonic(), 0
                 return self._frames.pop(slot)
         return None
 
