@@ -88,7 +88,7 @@ class Renderer:
 
     def _others_light(self, others: Float32, weights: Float64) -> Float32:
         """What rows that first meet no target add: float32 [3, pixels]."""
-        return self._remembered(-1, weights, lambda w: np.matmul(w[:, None], others)[:, 0])
+        return self._remembered(-1, weights, lambda narrow: _sums(others, narrow))
 
     def _remembered(
         self, key: int, weights: Float64, compute: Callable[[Float32], Float32]
@@ -218,6 +218,21 @@ def _products(F: Float32, weights: Float32) -> Float32:
     step = -(-rows // (4 * core_count()))
     pieces = [(h, slice(r, r + step)) for h in range(3) for r in range(0, rows, step)]
     parallel_map(lambda at: np.matmul(F[at], weights[at[0]], out=result[at]), pieces)
+    return result
+
+
+def _sums(V: Float32, weights: Float32) -> Float32:
+    """Σ_n weights[h, n] V[h, n, pixel]: float32 [3, pixels], pixels shared out over the cores."""
+    pixels = V.shape[2]
+    result = np.empty((3, pixels), np.float32)
+    step = -(-pixels // (2 * core_count()))
+    pieces = [(h, slice(p, p + step)) for h in range(3) for p in range(0, pixels, step)]
+
+    def work(at: tuple[int, slice]) -> None:
+        h, span = at
+        np.matmul(weights[h], V[h, :, span], out=result[h, span])
+
+    parallel_map(work, pieces)
     return result
 
 
