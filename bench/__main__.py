@@ -22,6 +22,7 @@ BENCHES = {
     "bundle-size": "bench.bundle_size",
     "equal-error": "bench.equal_error",
     "runtime": "bench.runtime",
+    "editor": "bench.editor",
 }
 
 

@@ -1,0 +1,108 @@
+"""The editor in a local browser: from a slider's input to changed pixels, and frames a second.
+
+    python -m bench editor
+
+Needs Chromium and Playwright, as the browser tests do. WebGL runs in software, on the same
+cores as the engine: a machine with a graphics card does better.
+"""
+
+from __future__ import annotations
+
+import time
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from bench.report import Goal, Report
+from burnish.app.server import EditorServer
+from burnish.session import Session
+from tests.editor import worlds
+from tests.editor.browser import chromium
+
+SIZE = 512
+PATH = "ball.specular.exponent"
+
+RECORD = """
+window.drawn = [];
+const P = WebGL2RenderingContext.prototype, upload = P.texSubImage2D, draw = P.drawArrays;
+let fresh = false;
+P.texSubImage2D = function (...a) { fresh ||= a[6] === this.RGB; return upload.apply(this, a); };
+P.drawArrays = function (...a) {
+  const result = draw.apply(this, a);
+  if (fresh) { fresh = false; window.drawn.push(performance.now()); }
+  return result;
+};
+window.slide = (value) => {
+  const slider = document.querySelector('input[type=range][aria-label="Exponent"]');
+  slider.value = value;
+  slider.dispatchEvent(new Event('input', { bubbles: true }));
+};
+"""
+
+LATENCY = """async (repeats) => {
+  const pause = (ms) => new Promise((done) => setTimeout(done, ms)), result = [];
+  for (let i = 0; i < repeats; i++) {
+    const before = window.drawn.length, start = performance.now();
+    window.slide(300 + 5 * (i % 60));
+    while (window.drawn.length === before && performance.now() < start + 3000) await pause(1);
+    result.push((window.drawn[before] ?? performance.now()) - start);
+    await pause(250 + 40 * Math.random());
+  }
+  return result;
+}"""
+
+RATE = """async (ms) => {
+  const before = window.drawn.length, start = performance.now();
+  for (let i = 0; performance.now() < start + ms; i++) {
+    window.slide(200 + ((3 * i) % 600));
+    await new Promise(requestAnimationFrame);
+  }
+  return (1000 * (window.drawn.length - before)) / (performance.now() - start);
+}"""
+
+
+def run(quick: bool) -> Report:
+    """Measure on a made-up view of 512 × 512 pixels."""
+    session = Session({"front": worlds.world(SIZE, SIZE)}, name="bench")
+    session.select("ball")
+    session.frame()
+    values, start, frames = count(10), time.perf_counter(), 40
+    for _ in range(frames):
+        session.set(PATH, float(next(values)))
+        session.frame()
+    engine = frames / (time.perf_counter() - start)
+
+    with EditorServer(session) as server, chromium() as browser:
+        page = browser.new_page(viewport={"width": 1280, "height": 720})
+        page.add_init_script(RECORD)
+        page.goto(server.url)
+        page.get_by_text("Waiting for the first picture").wait_for(state="detached")
+        page.get_by_role("option", name="ball").click()
+        page.locator(".ball img").wait_for()
+        page.wait_for_timeout(1500)
+        milliseconds: Any = np.array(page.evaluate(LATENCY, 20 if quick else 100))
+        rate = float(page.evaluate(RATE, 3000 if quick else 10000))
+    median, late = float(np.median(milliseconds)), float(np.percentile(milliseconds, 95))
+    return Report(
+        name="editor",
+        title="The editor in a local browser",
+        notes=(
+            f"{SIZE} × {SIZE} pixels, WebGL in software. Latency is from a slider's input event "
+            "to the draw call that shows its frame; frames are those shown while the slider moves."
+        ),
+        rows=[
+            {
+                "engine frames/s": engine,
+                "latency median ms": median,
+                "latency p95 ms": late,
+                "shown frames/s": rate,
+            }
+        ],
+        goals=[
+            Goal("median latency, ms", median, 50.0),
+            Goal("p95 latency, ms", late, 100.0),
+            Goal("frames shown a second while dragging", rate, 30.0, at_least=True),
+        ],
+        data={"latency_ms": [round(float(x), 2) for x in milliseconds]},
+    )
