@@ -134,7 +134,9 @@ class Accumulator:
         for number in range(spp // per_launch):
             if number:
                 sampler.advance()
-            self.tracer.trace(self.target, pixel, local, sampler)
+            state = mi.UInt64((seed & 0xFFFFFFFF) << 16 | number)
+            dr.make_opaque(state)
+            self.tracer.trace(self.target, pixel, local, sampler, state)
             sampler.schedule_state()
             self._evaluate()
         self.samples += spp

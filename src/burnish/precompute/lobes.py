@@ -58,7 +58,9 @@ def lobe_of(layers: Sequence[Layer], state: MaterialState) -> tuple[Float64, flo
 class HalfAngleLobes:
     """One half-angle density per object, as device tables that change without a recompile."""
 
-    def __init__(self, objects: int) -> None:
+    def __init__(self, objects: int, shaped: bool) -> None:
+        """shaped: whether any density will ever differ from the uniform one."""
+        self.shaped = shaped
         self.density = np.ones((objects, CELLS))
         self.upload()
 
@@ -76,19 +78,23 @@ class HalfAngleLobes:
 
     def sample(self, obj: Any, wo: Any, u: Any) -> Any:
         """A direction mirrored at a half vector of the object's lobe."""
-        first = obj * (CELLS + 1)
-        cell = dr.binary_search(
-            0, CELLS, lambda i: dr.gather(mi.Float, self._cdf, first + i + 1) <= u.x
-        )
-        cell = dr.minimum(cell, CELLS - 1)
-        low = dr.gather(mi.Float, self._cdf, first + cell)
-        high = dr.gather(mi.Float, self._cdf, first + cell + 1)
-        within = dr.clip((u.x - low) / dr.maximum(high - low, 1e-12), 0, 1)
-        theta = (dr.pi / 2) * dr.square((mi.Float(cell) + within) * (1 / CELLS))
+        theta = (dr.pi / 2) * dr.square(self._invert(obj, u.x) if self.shaped else u.x)
         sin_theta, cos_theta = dr.sincos(theta)
         sin_phi, cos_phi = dr.sincos(2 * dr.pi * u.y)
         wh = mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
         return 2 * dr.dot(wo, wh) * wh - wo
+
+    def _invert(self, obj: Any, x: Any) -> Any:
+        """The u at which an object's distribution function is x."""
+        first = obj * (CELLS + 1)
+        cell = dr.binary_search(
+            0, CELLS, lambda i: dr.gather(mi.Float, self._cdf, first + i + 1) <= x
+        )
+        cell = dr.minimum(cell, CELLS - 1)
+        low = dr.gather(mi.Float, self._cdf, first + cell)
+        high = dr.gather(mi.Float, self._cdf, first + cell + 1)
+        within = dr.clip((x - low) / dr.maximum(high - low, 1e-12), 0, 1)
+        return (mi.Float(cell) + within) * (1 / CELLS)
 
     def pdf(self, obj: Any, wi: Any, wo: Any) -> Any:
         """Density per steradian of `sample`.
@@ -100,7 +106,8 @@ class HalfAngleLobes:
         # sin θh from x and y keeps its digits where the cosine has none
         sin_theta = dr.sqrt(dr.square(wh.x) + dr.square(wh.y))
         u = dr.sqrt(dr.atan2(sin_theta, wh.z) * (2 / dr.pi))
-        cell = dr.minimum(mi.UInt32(u * CELLS), CELLS - 1)
-        density = dr.gather(mi.Float, self._pdf, obj * CELLS + cell)
-        density /= 2 * dr.square(dr.pi) * dr.maximum(u * sin_theta, 1e-12)
+        density = 1 / (2 * dr.square(dr.pi) * dr.maximum(u * sin_theta, 1e-12))
+        if self.shaped:
+            cell = dr.minimum(mi.UInt32(u * CELLS), CELLS - 1)
+            density *= dr.gather(mi.Float, self._pdf, obj * CELLS + cell)
         return density / (4 * dr.maximum(dr.dot(wo, wh), 1e-6))

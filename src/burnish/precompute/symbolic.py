@@ -52,6 +52,22 @@ class Terms:
     H: Any
 
 
+@dataclass
+class Layout:
+    """How one layer slot of a lane's object is laid out; see the tables' builder.
+
+    entry: position in the tables. square: whether bins are spaced by t = u².
+    """
+
+    entry: Any
+    model: Any
+    bins: Any
+    column: Any
+    square: Any
+    indirect_bins: Any
+    indirect_column: Any
+
+
 class SymbolicMaterials:
     """Tables over (scene object, layer slot) and the functions that read them.
 
@@ -115,7 +131,7 @@ class SymbolicMaterials:
         self.layered = layered
         self.any_numeric = bool(self._numeric) or bool(compile_for)
         self._build(layered, position)
-        self.lobes = HalfAngleLobes(len(objects))
+        self.lobes = HalfAngleLobes(len(objects), bool(follow) or self.any_numeric)
         self._shape_lobes(follow or {})
         self._tabulate()
 
@@ -194,13 +210,12 @@ class SymbolicMaterials:
         self.two_sided = _array(
             mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32)
         )
+        square = (spacing > 1.5).astype(np.uint32)
+        fields = (model, bins, column, square, indirect_bins, indirect_column)
+        blank = np.zeros_like(model)
+        self._packed = _array(mi.UInt32, np.stack([*fields, blank, blank], axis=2))
         self._t = {
-            "model": _array(mi.UInt32, model),
-            "bins": _array(mi.UInt32, bins),
-            "column": _array(mi.UInt32, column),
             "delta_column": _array(mi.UInt32, delta_column),
-            "indirect_column": _array(mi.UInt32, indirect_column),
-            "indirect_bins": _array(mi.UInt32, indirect_bins),
             "coarse_first": _array(mi.UInt32, coarse_first),
             "coarse_bins": _array(mi.UInt32, coarse_bins),
             "variable": _array(mi.UInt32, variable),
@@ -268,34 +283,35 @@ class SymbolicMaterials:
     def _entry(self, name: str, obj: Any, slot: Any) -> Any:
         return dr.gather(mi.UInt32, self._t[name], obj * max(self.slots, 1) + slot)
 
-    def _bins(self, obj: Any, slot: int) -> Any:
-        """Bins of a layer slot, never 0: lanes that left a loop gather zeros, and an integer
-        division by zero ends the process even in a masked lane."""
-        return dr.maximum(self._entry("bins", obj, slot), 1)
+    def look_up(self, obj: Any, active: Any) -> list[Layout]:
+        """How the layer slots of an object are laid out; once per vertex."""
+        result = []
+        for s in range(self.slots):
+            entry = obj * max(self.slots, 1) + s
+            low = dr.gather(mi.Vector4u, self._packed, entry * 2, active)
+            high = dr.gather(mi.Vector4u, self._packed, entry * 2 + 1, active)
+            result.append(Layout(entry, low.x, low.y, low.z, low.w, high.x, high.y))
+        return result
 
-    def _warp(self, t: Any, entry: Any) -> Any:
-        """u = t^(1/spacing), uniform over the bins."""
+    def _bin(self, t: Any, layout: Layout) -> Any:
+        """The fine bin of t: the spacing's warp is uniform over the bins."""
         t = dr.clip(t, 0, 1)
-        spacing = dr.gather(mi.Float, self._spacing, entry)
         if self._square_spacings:
-            return dr.select(spacing > 1.5, dr.sqrt(t), t)
-        return dr.power(t, 1 / spacing)
-
-    def _fine_bin(self, t: Any, entry: Any, bins: Any) -> Any:
-        return dr.minimum(mi.UInt32(self._warp(t, entry) * mi.Float(bins)), bins - 1)
+            u = dr.select(layout.square != 0, dr.sqrt(t), t)
+        else:
+            u = dr.power(t, 1 / dr.gather(mi.Float, self._spacing, layout.entry))
+        return dr.minimum(mi.UInt32(u * mi.Float(layout.bins)), dr.maximum(layout.bins, 1) - 1)
 
     def _evaluate(
-        self, obj: Any, slot: int, wi: Any, wo: Any, active: Any
+        self, layout: Layout, slot: int, wi: Any, wo: Any, active: Any
     ) -> tuple[Any, list[Any]]:
         """t and the quotients of one layer slot; zero where it has no layer."""
-        entry = obj * max(self.slots, 1) + slot
-        code = dr.gather(mi.UInt32, self._t["model"], entry)
         t, quotients = mi.Float(0), [mi.Float(0) for _ in range(self.ranks[slot])]
         for m in self.slot_models[slot]:
             model = self.models[m]
-            here = active & (code == m)
+            here = active & (layout.model == m)
             fixed = {
-                parameter.name: dr.gather(mi.Float, self._fixed[parameter.name], entry)
+                parameter.name: dr.gather(mi.Float, self._fixed[parameter.name], layout.entry)
                 for parameter in model.fixed_parameters
             }
             t = dr.select(here, model.coordinate(drjit_maths, wi, wo, fixed), t)
@@ -322,7 +338,7 @@ class SymbolicMaterials:
     # -- what the tracer asks -------------------------------------------------------------
 
     def columns(
-        self, obj: Any, wi: Any, wo: Any, H: list[Any], fine: Any, active: Any
+        self, layouts: list[Layout], wi: Any, wo: Any, H: list[Any], fine: Any, active: Any
     ) -> list[Terms]:
         """Columns and quotients that light from `wi` adds to, for a first encounter.
 
@@ -331,22 +347,16 @@ class SymbolicMaterials:
         """
         lit = active & (wi.z > 0) & (wo.z > 0)
         result = []
-        for s in range(self.slots):
-            entry = obj * max(self.slots, 1) + s
-            t, quotients = self._evaluate(obj, s, wi, wo, lit)
-            bins = self._bins(obj, s)
-            j = self._fine_bin(t, entry, bins)
-            coarse = j * self._entry("indirect_bins", obj, s) // bins
-            column = dr.select(
-                fine,
-                self._entry("column", obj, s) + j,
-                self._entry("indirect_column", obj, s) + coarse,
-            )
+        for s, layout in enumerate(layouts):
+            t, quotients = self._evaluate(layout, s, wi, wo, lit)
+            j = self._bin(t, layout)
+            coarse = share_of(j, layout.indirect_bins, layout.bins)
+            column = dr.select(fine, layout.column + j, layout.indirect_column + coarse)
             q = [
                 dr.select(lit & (fine if k else True), dr.maximum(value, 0) if k == 0 else value, 0)
                 for k, value in enumerate(quotients)
             ]
-            result.append(Terms(column, bins, q, H[s]))
+            result.append(Terms(column, layout.bins, q, H[s]))
         return result
 
     def contract(self, obj: Any, terms: list[Terms], wo: Any, delta: Any, active: Any) -> Any:
@@ -370,7 +380,9 @@ class SymbolicMaterials:
             result += value if term.H is None else value * term.H
         return dr.maximum(result, 0)
 
-    def delta_columns(self, obj: Any, H: list[Any], active: Any) -> list[Terms]:
+    def delta_columns(
+        self, obj: Any, layouts: list[Layout], H: list[Any], active: Any
+    ) -> list[Terms]:
         """The delta columns of an object, for light from the mirror direction."""
         result = []
         for s in range(self.slots):
@@ -378,7 +390,7 @@ class SymbolicMaterials:
             exists = active & (column != NONE)
             q = [dr.select(exists, mi.Float(1), 0)]
             q += [mi.Float(0)] * (self.ranks[s] - 1)
-            result.append(Terms(dr.select(exists, column, 0), self._entry("bins", obj, s), q, H[s]))
+            result.append(Terms(dr.select(exists, column, 0), layouts[s].bins, q, H[s]))
         return result
 
     def sample(self, obj: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
@@ -427,16 +439,16 @@ class SymbolicMaterials:
         """The polynomial's variable of a layer slot."""
         return self._entry("variable", obj, slot)
 
-    def coarse_column(self, obj: Any, slot: Any, wi: Any, wo: Any, active: Any) -> tuple[Any, Any]:
+    def coarse_column(
+        self, obj: Any, layouts: list[Layout], slot: Any, wi: Any, wo: Any, active: Any
+    ) -> tuple[Any, Any]:
         """Coarse column of the chosen slot at a second encounter, and its quotient."""
         lit = active & (wi.z > 0) & (wo.z > 0)
         column, quotient = mi.UInt32(0), mi.Float(0)
-        for s in range(self.slots):
+        for s, layout in enumerate(layouts):
             here = lit & (slot == s)
-            entry = obj * max(self.slots, 1) + s
-            t, quotients = self._evaluate(obj, s, wi, wo, here)
-            bins = self._bins(obj, s)
-            w = self._fine_bin(t, entry, bins) * self._entry("coarse_bins", obj, s) // bins
+            t, quotients = self._evaluate(layout, s, wi, wo, here)
+            w = share_of(self._bin(t, layout), self._entry("coarse_bins", obj, s), layout.bins)
             column = dr.select(here, self._entry("coarse_first", obj, s) + w, column)
             quotient = dr.select(here, dr.maximum(quotients[0], 0), quotient)
         return column, quotient
@@ -459,6 +471,12 @@ class SymbolicMaterials:
     def _layer_half_share(self, obj: Any, slot: Any) -> Any:
         entry = obj * max(self.slots, 1) + slot
         return (1 - COSINE_SHARE) * dr.gather(mi.Float, self._half, entry)
+
+
+def share_of(j: Any, count: Any, bins: Any) -> Any:
+    """j · count // bins, in floating point: an integer division is done lane by lane, and by
+    zero, in a lane that has left its loop, ends the process. Exact below 2²⁰."""
+    return mi.UInt32((mi.Float(j * count) + 0.5) / mi.Float(dr.maximum(bins, 1)))
 
 
 def settled(scene: Scene, symbolic: Collection[str]) -> dict[str, MaterialState]:

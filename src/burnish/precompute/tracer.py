@@ -63,6 +63,16 @@ class Path:
     emission: Any
 
 
+@dataclass
+class Numbers:
+    """The random numbers of one vertex, uniform in [0, 1)."""
+
+    layer: Any
+    light: Any
+    lobe: Any
+    direction: Any
+
+
 class Tracer:
     """Traces passes of one view of a scene with a given set of symbolic objects."""
 
@@ -109,7 +119,7 @@ class Tracer:
 
     # -- one pass -------------------------------------------------------------------------
 
-    def trace(self, target: Target, pixel: Any, local: Any, sampler: Any) -> None:
+    def trace(self, target: Target, pixel: Any, local: Any, sampler: Any, seed: Any) -> None:
         """Trace one path per lane and add its contributions to `target`.
 
         pixel: film coordinates, Point2u; local: the lane's pixel within the target.
@@ -144,18 +154,28 @@ class Tracer:
             emission=mi.Color3f(0),
         )
 
-        def body(path: Path, sampler: Any) -> tuple[Path, Any]:
-            self._vertex(target, path, sampler, local)
-            return path, sampler
+        # Numbers that are stratified over the pixel for the first vertex, plain ones after it
+        first = Numbers(sampler.next_1d(), sampler.next_2d(), sampler.next_1d(), sampler.next_2d())
+        random = mi.PCG32(lanes, mi.UInt64(seed))
 
-        state, sampler = dr.while_loop(
-            (state, sampler), lambda path, sampler: path.active, body, label="symbolic paths"
+        def body(path: Path, random: Any) -> tuple[Path, Any]:
+            later = Numbers(
+                random.next_float32(),
+                mi.Point2f(random.next_float32(), random.next_float32()),
+                random.next_float32(),
+                mi.Point2f(random.next_float32(), random.next_float32()),
+            )
+            self._vertex(target, path, _select_numbers(path.depth == 0, first, later), local)
+            return path, random
+
+        state, random = dr.while_loop(
+            (state, random), lambda path, random: path.active, body, label="symbolic paths"
         )
         for buffer, value in ((target.fixed, state.fixed), (target.emission, state.emission)):
             for channel in range(3):
                 dr.scatter_add(buffer, value[channel], local * 3 + channel)
 
-    def _vertex(self, target: Target, path: Path, sampler: Any, local: Any) -> None:
+    def _vertex(self, target: Target, path: Path, numbers: Numbers, local: Any) -> None:
         scene, m = self.scene.mi_scene, self.materials
         ray = path.ray
         si = scene.ray_intersect(ray, mi.RayFlags.All, path.depth == 0, path.active)
@@ -205,22 +225,23 @@ class Tracer:
         path.encounters += dr.select(edited, mi.UInt32(1), 0)
 
         # A later encounter is with one layer or group, chosen at random
+        layouts = m.look_up(obj, ours)
         H = m.weight_maps(si, obj, ours)
-        slot, slot_weight = m.choose(obj, sampler.next_1d(), second)
+        slot, slot_weight = m.choose(obj, numbers.layer, second)
         further = slot_weight * self._slot_map(H, slot)
         monomial = dr.select(
             later, self._next(path.monomial, m.variable(obj, slot), later), path.monomial
         )
 
         # Sample a light
-        ds, light = scene.sample_emitter_direction(si, sampler.next_2d(), True, active)
+        ds, light = scene.sample_emitter_direction(si, numbers.light, True, active)
         lit = active & (ds.pdf != 0)
         light_local = si.to_local(ds.d)
         wi = mi.Vector3f(light_local)
         wi.z = dr.select(flip, -wi.z, wi.z)
         above = lit & ours & (wi.z > 0)
         bsdf = si.bsdf(ray)
-        u1, u2 = sampler.next_1d(), sampler.next_2d()
+        u1, u2 = numbers.lobe, numbers.direction
         value_plain, pdf_plain, bs, weight_plain = bsdf.eval_pdf_sample(
             mi.BSDFContext(), si, light_local, u1, u2, plain
         )
@@ -233,7 +254,7 @@ class Tracer:
         path.pending = dr.select(later & above, later_light, 0)
 
         # The light's own column at a first encounter, its own coarse bin at a second one
-        columns = m.columns(obj, wi, wo, H, fine | numeric, (first | numeric) & above)
+        columns = m.columns(layouts, wi, wo, H, fine | numeric, (first | numeric) & above)
         ours_light = incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo)))
         value = dr.select(first, ours_light, 0)
         if m.any_numeric:
@@ -243,7 +264,7 @@ class Tracer:
         path.fixed += dr.select(path.encounters == 0, plain_light, 0)
         tail = mi.UInt32(0)
         if self.coarse:
-            w, q = m.coarse_column(obj, slot, wi, wo, second & above)
+            w, q = m.coarse_column(obj, layouts, slot, wi, wo, second & above)
             pdf = m.pdf_layer(obj, slot, wi, wo)
             value = dr.select(
                 second, incoming * further * (q * wi.z * self._light_mis(ds, pdf)), value
@@ -261,9 +282,9 @@ class Tracer:
         factor = dr.select(
             shaped, mi.Color3f(dr.select(is_delta, 1, wi_next.z) / pdf_next), further
         )
-        bounced = m.columns(obj, wi_next, wo, H, fine | numeric, shaped & ~is_delta)
+        bounced = m.columns(layouts, wi_next, wo, H, fine | numeric, shaped & ~is_delta)
         if m.any_delta:
-            mirrored = m.delta_columns(obj, H, is_delta & (fine | numeric))
+            mirrored = m.delta_columns(obj, layouts, H, is_delta & (fine | numeric))
             bounced = [
                 _select_terms(is_delta, a, b) for a, b in zip(mirrored, bounced, strict=True)
             ]
@@ -273,7 +294,7 @@ class Tracer:
             wi_layer, pdf_layer = m.sample_layer(obj, slot, wo, u1, u2)
             wi_next = dr.select(second, wi_layer, wi_next)
             pdf_next = dr.select(second, pdf_layer, pdf_next)
-            w, q = m.coarse_column(obj, slot, wi_next, wo, second)
+            w, q = m.coarse_column(obj, layouts, slot, wi_next, wo, second)
             factor = dr.select(second, further * (q * wi_next.z / pdf_next), factor)
             path.coarse = dr.select(second, 1 + w * self._monomial_count, path.coarse)
         factor = dr.select(pdf_next > 0, factor, 0)
@@ -332,6 +353,15 @@ def mis(a: Any, b: Any) -> Any:
     a2 = dr.square(a)
     weight = a2 / (a2 + dr.square(b))
     return dr.select(dr.isfinite(weight), weight, 0)
+
+
+def _select_numbers(condition: Any, a: Numbers, b: Numbers) -> Numbers:
+    return Numbers(
+        dr.select(condition, a.layer, b.layer),
+        dr.select(condition, a.light, b.light),
+        dr.select(condition, a.lobe, b.lobe),
+        dr.select(condition, a.direction, b.direction),
+    )
 
 
 def _select_terms(condition: Any, a: Terms, b: Terms) -> Terms:
