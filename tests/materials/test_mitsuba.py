@@ -15,8 +15,9 @@ from burnish.materials.coefficients import outgoing
 from burnish.materials.layer import Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.models.blinn_phong import BlinnPhong
-from burnish.scene.adapters import adapt, interreflected, with_gloss
+from burnish.scene.adapters import adapt, with_gloss
 from burnish.scene.device import activate
+from burnish.scene.textures import interreflected
 
 RGB = {"type": "rgb", "value": [0.1, 0.5, 0.9]}
 CHECKER = {"type": "checkerboard", "color0": RGB, "color1": {"type": "rgb", "value": 0.8}}

@@ -19,7 +19,7 @@ SCENES = {
     "teapot_simple/scene.xml": (1, 1),
     "veach-mis/scene.xml": (9, 6),
     "veach-bidir/scene.xml": (14, 11),
-    "staircase2/scene.xml": (32, 17),
+    "staircase2/scene.xml": (32, 18),
     "living-room/scene.xml": (65, 58),
     "dining-room/scene.xml": (53, 53),
 }

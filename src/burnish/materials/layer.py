@@ -121,7 +121,10 @@ class MaterialState:
 
 @dataclass(frozen=True)
 class Link:
-    """A parameter that always has the value of another layer's: a coat's base knows its ior."""
+    """A parameter that always has the value of another layer's: a coat's base knows its ior.
+
+    A link of a parameter to itself keeps the value that the material started with.
+    """
 
     layer: str
     parameter: str

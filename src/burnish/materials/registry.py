@@ -24,6 +24,13 @@ from burnish.materials.models.cook_torrance import (
 )
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.plastic_base import PlasticBase
+from burnish.materials.models.principled import (
+    PrincipledBase,
+    PrincipledCoat,
+    PrincipledMetal,
+    PrincipledSheen,
+    PrincipledSpecular,
+)
 
 MODELS: dict[str, type[Model]] = {
     model.name: model
@@ -36,6 +43,11 @@ MODELS: dict[str, type[Model]] = {
         PlasticBase,
         AshikhminShirleyRatio,
         AshikhminShirleyWidth,
+        PrincipledBase,
+        PrincipledSheen,
+        PrincipledSpecular,
+        PrincipledMetal,
+        PrincipledCoat,
     )
 }
 

@@ -84,7 +84,7 @@ class Scene:
                 reasons = "; ".join(f"{item.id}: {item.reason}" for item in self.objects[:4])
                 raise SceneError(
                     f"{self.name}: no object can be edited ({reasons}); give at least one shape a "
-                    "diffuse, conductor, roughconductor, plastic or roughplastic BSDF"
+                    "diffuse, conductor, roughconductor, plastic, roughplastic or principled BSDF"
                 )
             return found
         wanted = set(ids)

@@ -70,8 +70,8 @@ MASKING_ANCHORS = tuple(Parameter(f"masking_{m}", 0.0) for m in range(3))
 
 
 @dataclass(frozen=True)
-class _Microfacets(Model):
-    """What the three kinds of Fresnel reflection share."""
+class Microfacets(Model):
+    """What every kind of Fresnel reflection shares."""
 
     distribution: Distribution = "ggx"
     masking_terms: int = 2
@@ -186,7 +186,7 @@ class _Microfacets(Model):
 
 
 @dataclass(frozen=True)
-class CookTorrance(_Microfacets):
+class CookTorrance(Microfacets):
     """Microfacets whose Fresnel reflection is Schlick's, from a colour at normal incidence.
 
     F = F0 + (1 − F0) (1 − cosθd)⁵ is the sum of two single-curve layers of 2008 (eq. 31–32),
@@ -233,7 +233,7 @@ DIELECTRIC_ANCHORS = tuple(Parameter(f"ior_{f}", 1.5, 1.0, 1e4) for f in range(3
 
 
 @dataclass(frozen=True)
-class CookTorranceDielectric(_Microfacets):
+class CookTorranceDielectric(Microfacets):
     """Microfacets of a dielectric: the glossy coat of Mitsuba's `plastic` and `roughplastic`.
 
     | parameter | range | meaning |
@@ -292,7 +292,7 @@ CONDUCTOR_ANCHORS = tuple(
 
 
 @dataclass(frozen=True)
-class CookTorranceConductor(_Microfacets):
+class CookTorranceConductor(Microfacets):
     """Microfacets of a metal: Mitsuba's `conductor` and `roughconductor`.
 
     | parameter | range | meaning |

@@ -30,7 +30,7 @@ def cosines() -> Float64:
     return _points()[0]
 
 
-def _fresnel_fit_weight(curve: Float64) -> Float64:
+def fresnel_weight(curve: Float64) -> Float64:
     """Relative error counts, grazing angles less, and normal incidence is pinned."""
     cos, spacing = _points()
     weight = (cos + 0.02) / (curve + 0.02) ** 2 * (spacing + 1e-9)
@@ -122,7 +122,7 @@ MIRROR_INDEX = 1e4
 def dielectric_expansion(anchors: tuple[float, ...]) -> Expansion:
     """F(θd; ior) over F(θd; ior_f) at `cosines`."""
     rows = [fresnel_dielectric(numpy_maths, cosines(), ior) for ior in anchors]
-    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
+    return Expansion(stacked(rows), fresnel_weight(rows[0]))
 
 
 @lru_cache(maxsize=256)
@@ -140,7 +140,7 @@ def dielectric_anchors(first: float, count: int) -> tuple[float, ...]:
     )
     family = curves((1.2, 1.33, 1.5, 1.8, 2.2, 2.5, 3.0))
     own = curves((first,))
-    weight = _fresnel_fit_weight(own[0])
+    weight = fresnel_weight(own[0])
 
     def worst(error: Float64) -> float:
         return float(np.abs(error / family)[:, cos > 0.17].max())
@@ -156,7 +156,7 @@ Index = tuple[float, float]
 def conductor_expansion(anchors: tuple[Index, ...]) -> Expansion:
     """F(θd; eta, k) over F(θd; eta_f, k_f) at `cosines`."""
     rows = [fresnel_conductor(numpy_maths, cosines(), *index) for index in anchors]
-    return Expansion(stacked(rows), _fresnel_fit_weight(rows[0]))
+    return Expansion(stacked(rows), fresnel_weight(rows[0]))
 
 
 METALS: tuple[Index, ...] = (
@@ -186,7 +186,7 @@ def conductor_anchors(own: tuple[Index, ...], count: int) -> tuple[Index, ...]:
     own = tuple(dict.fromkeys(own))
     pool = tuple(index for index in CONDUCTOR_POOL if index not in own)
     start, family = curves(own), curves(METALS)
-    weight = _fresnel_fit_weight(start[0])
+    weight = fresnel_weight(start[0])
 
     def worst(error: Float64) -> float:
         return float(np.abs(error / family)[:, cos > 0.17].max())
