@@ -38,12 +38,19 @@ def coefficients(layer: Layer, state: LayerState) -> Float64:
 def outgoing(layer: Layer, state: LayerState, cos_theta_o: Float64, delta: bool) -> Float64 | None:
     """The exact factor s(θo) of a layer's bins, or of its delta column.
 
-    cos_theta_o: float64 [n], 0 to 1. Gives float64 [n, 3 or 1], or None for 1 everywhere.
+    cos_theta_o: float64 [n], 0 to 1. Gives float64 [n, 3 or 1], or None for 1 everywhere. A
+    freehand `outgoing_curve` of the state is included.
     """
     cosine = np.clip(cos_theta_o, 0.0, 1.0)
+    factor: Float64 | None
     if delta:
-        return layer.model.delta_outgoing(cosine, state.values, layer.fixed)
-    return layer.model.outgoing(cosine, state.values, layer.fixed)
+        factor = layer.model.delta_outgoing(cosine, state.values, layer.fixed)
+    else:
+        factor = layer.model.outgoing(cosine, state.values, layer.fixed)
+    if state.outgoing_curve is None:
+        return factor
+    own = np.ones((len(cosine), 1)) if factor is None else factor
+    return state.outgoing_curve.apply(np.arccos(cosine) * (2 / np.pi), own)
 
 
 def albedo(layer: Layer, state: LayerState) -> Float64:
@@ -144,7 +151,6 @@ def _albedo_of_bins(layer: Layer, state: LayerState, table: EnergyTable) -> Floa
     fine = coefficients(layer, state)[: rank * bins].reshape(rank, bins, 3)
     factor = outgoing(layer, state, table.cos_theta_o, delta=False)
     weight = table.weight[:, None] * (1.0 if factor is None else factor)
-    density = table.density.sum(axis=3)
     weight = np.broadcast_to(weight, (len(table.weight), 3))
     return np.asarray(np.einsum("oh,okj,kjh->jh", weight, density, fine, optimize=True))
 

@@ -108,7 +108,9 @@ def _monotone_cubic(t: Float64, x: Float64, y: Float64) -> Float64:
         w1, w2 = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
         same = before * after > 0
         safe_before, safe_after = np.where(same, before, 1.0), np.where(same, after, 1.0)
-        mean = (w1 + w2) / (w1 / safe_before + w2 / safe_after)
+        # Next to a secant near the least float the mean is 0
+        with np.errstate(over="ignore"):
+            mean = (w1 + w2) / (w1 / safe_before + w2 / safe_after)
         slope[1:-1] = np.where(same, mean, 0.0)
     i = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
     h = step[i]

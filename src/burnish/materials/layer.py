@@ -99,12 +99,16 @@ class LayerState:
 
     values: parameter name to value. curve: a freehand edit that rides on the profile.
     enabled: switched off, a layer reflects nothing. weight: scales the whole layer.
+    outgoing_curve: a freehand factor on the outgoing angle, at t = θo / 90°: it multiplies the
+      model's s(θo) or, in mode "replace", takes its place (2006, table 1: any model can have
+      one).
     """
 
     values: Mapping[str, Value]
     curve: Curve | None = None
     enabled: bool = True
     weight: float = 1.0
+    outgoing_curve: Curve | None = None
 
 
 @dataclass(frozen=True)

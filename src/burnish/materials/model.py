@@ -48,6 +48,12 @@ class Model(ABC):
     can_be_delta: ClassVar[bool] = False
     lobe: ClassVar[Literal["cosine", "half"]] = "cosine"
     """How directions are best drawn: over the cosine, or as half vectors spread over t."""
+    inverse: ClassVar[Literal["half", "axis", "none"]] = "half"
+    """How the coordinate is inverted for integrals: by `half_angle`; as the named coordinate
+    about another axis that it is ("theta_in", "theta_r", "theta_d"; see `coordinates`); or
+    not, and then directions are sorted into bins."""
+    quadrature_points: ClassVar[int] = 1024
+    """How many values of t the integrals over a layer use."""
     anisotropic: ClassVar[bool] = False
     """Whether ρ changes when both directions turn about the normal together."""
 
@@ -63,7 +69,7 @@ class Model(ABC):
     def half_angle(self, t: Float64, phi: Float64, fixed: Fixed) -> tuple[Float64, Float64]:
         """θh where the coordinate is t at the half vector's azimuth φ, and dωh / (dt dφ).
 
-        For "half" models only; arrays broadcast. Inverts `coordinate`, whose t must depend
+        Where `inverse` is "half" only; arrays broadcast. Inverts `coordinate`, whose t must depend
         on the half vector alone. This default is for θh itself.
         """
         theta = t * self.coordinate_maximum + 0.0 * phi

@@ -4,7 +4,9 @@ For "half" models the integral over incident directions runs over the half vecto
 dωi = 4 (ωo·ωh) dωh, with the coordinate t as one variable. Each bin is cut into Gauss
 points, so that a lobe much narrower than its bin is still averaged right; and where the
 model is isotropic the azimuth stops exactly where the mirrored direction leaves the
-hemisphere, so that every integrand is smooth.
+hemisphere, so that every integrand is smooth. Coordinates that are angles about another axis
+are inverted likewise (see `coordinates`); any other coordinate is sorted into its bins from a
+dense rule over directions.
 """
 
 from __future__ import annotations
@@ -15,13 +17,16 @@ from functools import lru_cache
 import numpy as np
 
 from burnish.core.types import Float64
+from burnish.materials.coordinates import around_axis
 from burnish.materials.layer import Layer
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.model import Model
 
 OUTGOING_NODES = 24
 AZIMUTH_NODES = 20
-POINTS_PER_LAYER = 1024
+RING_NODES = 40
+SCATTER_NODES = (192, 48)
+"""Polar and azimuthal nodes for coordinates that nothing inverts."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +63,19 @@ def _energy_table(
     fixed = dict(fixed_items)
     cos_o, weight = gauss_legendre(0.0, 1.0, OUTGOING_NODES)
     weight = 2 * cos_o * weight
-    if model.lobe == "cosine":
-        t, density = _over_cosine(model, bins, spacing, fixed, cos_o)
-    else:
+    if model.coordinate_name == "none":
+        t, density = _over_cosine(model, bins, fixed, cos_o)
+    elif model.inverse == "half":
         t, density = _over_half_vectors(model, bins, spacing, fixed, cos_o)
     return EnergyTable(cos_o, weight, t, density)
 
 
 def gauss_legendre(start: float, stop: float, count: int) -> tuple[Float64, Float64]:
     """Nodes and weights for ∫ from start to stop."""
+    elif model.inverse == "axis" and not model.anisotropic:
+        t, density = _over_rings(model, bins, spacing, fixed, cos_o)
+    else:
+        t, density = _scattered(model, bins, spacing, fixed, cos_o)
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return start + (stop - start) * (nodes + 1) / 2, weights * (stop - start) / 2
 
@@ -82,7 +91,7 @@ def _bin_points(bins: int, spacing: float, points: int) -> tuple[Float64, Float6
 def _over_half_vectors(
     model: Model, bins: int, spacing: float, fixed: dict[str, float], cos_o: Float64
 ) -> tuple[Float64, Float64]:
-    points = max(2, POINTS_PER_LAYER // bins)
+    points = max(2, model.quadrature_points // bins)
     if model.anisotropic:
         points = max(2, points // 2)
     t, t_weight = _bin_points(bins, spacing, points)
@@ -133,14 +142,83 @@ def _shell(
     return np.stack([np.sum(q * jacobian, axis=1) for q in quotients])
 
 
-def _over_cosine(
+def _over_rings(
     model: Model, bins: int, spacing: float, fixed: dict[str, float], cos_o: Float64
 ) -> tuple[Float64, Float64]:
-    """For broad models, of one bin: Gauss points over the incident cosine."""
+    t, t_weight = _bin_points(bins, spacing, max(2, model.quadrature_points // bins))
+    u, u_weight = gauss_legendre(0.0, 1.0, RING_NODES)
+    density = np.zeros((len(cos_o), model.rank, t.size))
+    for o, mu in enumerate(cos_o):
+        ring = around_axis(model.coordinate_name, t.ravel(), u, u_weight, float(mu))
+        wo = Vector(np.sqrt(1 - mu * mu), 0.0, mu)
+        jacobian = ring.wi.z * ring.solid_angle
+        quotients = model.quotients(numpy_maths, ring.wi, wo, fixed)
+        density[o] = [np.sum(q * jacobian, axis=1) for q in quotients]
+    density *= t_weight.ravel()
+    return t, density.reshape(len(cos_o), model.rank, *t.shape)
+
+
+def _scattered(
+    model: Model, bins: int, spacing: float, fixed: dict[str, float], cos_o: Float64
+) -> tuple[Float64, Float64]:
+    """Sort a dense rule over ωi into cells of the bins by the coordinate itself."""
+    cells = max(2, model.quadrature_points // bins)
+    count = bins * cells
+    t = ((np.arange(count) + 0.5) / count) ** spacing
+    directions = _turned if model.anisotropic else _straight
+    density = np.zeros((len(cos_o), model.rank, count))
+    for o, mu in enumerate(cos_o):
+        for wo, share in directions(float(mu)):
+            wi, solid_angle = _rule(model, wo)
+            position = np.clip(model.coordinate(numpy_maths, wi, wo, fixed), 0.0, 1.0)
+            cell = np.minimum((position ** (1 / spacing) * count).astype(int), count - 1)
+            weight = wi.z * solid_angle * share
+            for k, q in enumerate(model.quotients(numpy_maths, wi, wo, fixed)):
+                density[o, k] += np.bincount(cell, q * weight, count)
+    shape = (bins, cells)
+    return t.reshape(shape), density.reshape(len(cos_o), model.rank, *shape)
+
+
+def _straight(mu: float) -> list[tuple[Vector, float]]:
+    return [(Vector(np.sqrt(1 - mu * mu), 0.0, mu), 1.0)]
+
+
+def _turned(mu: float) -> list[tuple[Vector, float]]:
+    """Outgoing azimuths all round: nothing is assumed of a user's model."""
+    sin, phi = np.sqrt(1 - mu * mu), (np.arange(8) + 0.5) * (2 * np.pi / 8)
+    return [(Vector(sin * np.cos(a), sin * np.sin(a), mu), 1 / 8) for a in phi]
+
+
+def _rule(model: Model, wo: Vector) -> tuple[Vector, Float64]:
+    """Incident directions above the horizon and their solid angles: each float64 [n].
+
+    Gauss points over half vectors, θh = (π/2) u², for glossy models, else over the cosine.
+    """
+    polar, azimuths = SCATTER_NODES
+    u, weight = gauss_legendre(0.0, 1.0, polar)
+    phi = ((np.arange(2 * azimuths) + 0.5) * (np.pi / azimuths))[None]
+    around = np.pi / azimuths
+    if model.lobe == "cosine":
+        sin = np.sqrt(1 - u * u)[:, None]
+        wi = Vector(sin * np.cos(phi), sin * np.sin(phi), u[:, None] + 0 * phi)
+        return Vector(*(a.ravel() for a in wi)), np.repeat(weight * around, phi.size)
+    theta = (np.pi / 2 * u * u)[:, None]
+    h = Vector(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi)
+    o_dot_h = wo.x * h.x + wo.y * h.y + wo.z * h.z
+    wi = Vector(*(2 * o_dot_h * b - a for a, b in zip(wo, h, strict=True)))
+    solid_angle = 4 * o_dot_h * np.sin(theta) * np.pi * u[:, None] * weight[:, None] * around
+    lit = (wi.z > 0) & (o_dot_h > 0)
+    return Vector(*(a[lit] for a in wi)), solid_angle[lit]
+
+
+def _over_cosine(
+    model: Model, bins: int, fixed: dict[str, float], cos_o: Float64
+) -> tuple[Float64, Float64]:
+    """For models without a coordinate: Gauss points over the incident cosine."""
     if bins != 1 or model.anisotropic:
-        raise NotImplementedError(f"{model.name}: cosine models have one bin and are isotropic")
+        raise NotImplementedError(f"{model.name}: without a coordinate one bin, and isotropic")
     mu_i, mu_weight = gauss_legendre(0.0, 1.0, 64)
-    phi, phi_weight = gauss_legendre(0.0, np.pi, 8)
+    phi, phi_weight = gauss_legendre(0.0, np.pi, 16)
     wi = Vector(
         np.sqrt(1 - mu_i**2)[None, :, None] * np.cos(phi),
         np.sqrt(1 - mu_i**2)[None, :, None] * np.sin(phi),

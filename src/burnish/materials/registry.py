@@ -16,13 +16,18 @@ from burnish.materials.models.ashikhmin_shirley import (
     AshikhminShirleyRatio,
     AshikhminShirleyWidth,
 )
+from burnish.materials.models.beard_maxwell import BeardMaxwellSurface, BeardMaxwellVolume
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import (
     CookTorrance,
     CookTorranceConductor,
     CookTorranceDielectric,
 )
+from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
+from burnish.materials.models.light_view import LightView
+from burnish.materials.models.oren_nayar import OrenNayar
+from burnish.materials.models.phong import Phong
 from burnish.materials.models.plastic_base import PlasticBase
 from burnish.materials.models.principled import (
     PrincipledBase,
@@ -45,6 +50,15 @@ MODELS: dict[str, type[Model]] = {
         AshikhminShirleyWidth,
         PrincipledBase,
         PrincipledSheen,
+        Phong,
+        LightView,
+        OrenNayar,
+        WardWidth,
+        WardRatio,
+        Schlick,
+        BeardMaxwellSurface,
+        BeardMaxwellVolume,
+        FresnelCurve,
         PrincipledSpecular,
         PrincipledMetal,
         PrincipledCoat,
@@ -102,6 +116,7 @@ def layer_state_to_json(state: LayerState) -> Json:
     """What was set on one layer."""
     values = {
         name: list(value) if isinstance(value, tuple) else value
+    outward = state.outgoing_curve
         for name, value in state.values.items()
     }
     return {
@@ -109,6 +124,7 @@ def layer_state_to_json(state: LayerState) -> Json:
         "curve": None if state.curve is None else state.curve.to_json(),
         "enabled": state.enabled,
         "weight": state.weight,
+        "outgoing_curve": None if outward is None else outward.to_json(),
     }
 
 
@@ -121,8 +137,9 @@ def layer_state_from_json(data: Mapping[str, Any]) -> LayerState:
             else value
             for name, value in data["values"].items()
         }
-        curve = None if data["curve"] is None else Curve.from_json(data["curve"])
-        return LayerState(values, curve, bool(data["enabled"]), float(data["weight"]))
+        curves = (data["curve"], data.get("outgoing_curve"))
+        curve, outward = (None if item is None else Curve.from_json(item) for item in curves)
+        return LayerState(values, curve, bool(data["enabled"]), float(data["weight"]), outward)
 
 
 def state_to_json(state: MaterialState) -> Json:

@@ -75,7 +75,8 @@ class TrueReflectance(Reflectance):
     """The material itself, from each model's own formula.
 
     A freehand curve has no formula: its layer is s(θo) Σ_k a_k q_k · f with the edited
-    profile f at the exact coordinate, interpolated between `CURVE_NODES` values.
+    profile f at the exact coordinate, interpolated between `CURVE_NODES` values; so is one
+    whose s(θo) is edited freehand.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class TrueReflectance(Reflectance):
     ) -> None:
         super().__init__(material, state, maps)
         self.forms = [
-            (layer.group, float(s.weight), _Curved(layer, s) if s.curve else _Formula(layer, s))
+            (layer.group, float(s.weight), _form(layer, s))
             for layer, s in self.layers
             if not is_smooth(layer, s)
         ]
@@ -222,6 +223,11 @@ def is_smooth(layer: Layer, state: LayerState) -> bool:
     return not layer.model.profile(t, state.values, layer.fixed).any()
 
 
+def _form(layer: Layer, state: LayerState) -> _Curved | _Formula:
+    freehand = state.curve is not None or state.outgoing_curve is not None
+    return _Curved(layer, state) if freehand else _Formula(layer, state)
+
+
 class _Formula:
     """A layer by its model's `evaluate`, its numbers out of the kernel's code."""
 
@@ -264,14 +270,8 @@ class _Outgoing:
     """s(θo) of a layer's bins or of its delta column, tabulated over the cosine."""
 
     def __init__(self, layer: Layer, state: LayerState, delta: bool) -> None:
-        if delta:
-            cosine = np.linspace(0.0, 1.0, OUTGOING_NODES)
-            factor = layer.model.delta_outgoing(cosine, state.values, layer.fixed)
-        else:
-            cosine = np.linspace(0.0, 1.0, OUTGOING_NODES)
-            found = outgoing(layer, state, cosine, delta=False)
-            factor = np.ones((OUTGOING_NODES, 1)) if found is None else found
-        self.table = _table(factor)
+        found = outgoing(layer, state, np.linspace(0.0, 1.0, OUTGOING_NODES), delta)
+        self.table = _table(np.ones((OUTGOING_NODES, 1)) if found is None else found)
 
     def evaluate(self, cos_theta_o: Any, active: Any) -> Any:
         return _interpolate(self.table, OUTGOING_NODES, dr.clip(cos_theta_o, 0, 1), active)
