@@ -34,6 +34,8 @@ from burnish.materials.models.principled import (
     PrincipledSheen,
     PrincipledSpecular,
 )
+from burnish.materials.models.schlick import Schlick
+from burnish.materials.models.ward import WardRatio, WardWidth
 from burnish.materials.quadrature import energy_table
 from burnish.materials.registry import MODELS
 
@@ -75,8 +77,6 @@ CASES = {
     "smooth-plastic": Case(PlasticBase(), {"color": COLOUR, "roughness": 0.0, "ior": 1.5}),
     "ratio": Case(AshikhminShirleyRatio(), {"color": COLOUR, "ratio": 4.0, "exponent": 50.0}),
     "width": Case(AshikhminShirleyWidth(), {"color": COLOUR, "exponent": 200.0, "ratio": 0.3}),
-    "principled-base": Case(PrincipledBase(), {"color": COLOUR, "metallic": 0.2, "roughness": 0.6}),
-    "principled-sheen": Case(
     "phong": Case(Phong(), {"color": COLOUR, "exponent": 80.0}),
     "light-view": Case(LightView(), {"color": COLOUR, "light_falloff": 0.7, "view_falloff": 0.7}),
     "oren-nayar": Case(OrenNayar(), {"color": COLOUR, "roughness": 0.45}),
@@ -89,6 +89,8 @@ CASES = {
     ),
     "beard-maxwell-volume": Case(BeardMaxwellVolume(), {"color": COLOUR, "volume": COLOUR[::-1]}),
     "fresnel-curve": Case(FresnelCurve(), {"color": COLOUR, "roughness": 0.25, **COPPER}),
+    "principled-base": Case(PrincipledBase(), {"color": COLOUR, "metallic": 0.2, "roughness": 0.6}),
+    "principled-sheen": Case(
         PrincipledSheen(), {"color": COLOUR, "metallic": 0.2, "sheen": 0.7, "sheen_tint": 0.5}
     ),
     "principled-specular": Case(
@@ -214,19 +216,23 @@ def corners(model: Model) -> list[dict[str, Any]]:
     return [base, *({**base, p.name: p.validate(end)} for p, end in ends)]
 
 
+UNBOUNDED = (BeardMaxwellSurface, BeardMaxwellVolume, PrincipledBase)
+"""Models whose papers do not conserve energy, as their docstrings say."""
+
+
 @each_case
 def test_no_more_light_out_than_in(case: Case) -> None:
     from burnish.materials.coefficients import albedo, directional_albedo
 
-    if isinstance(case.model, PrincipledBase):  # reflects up to 2 % too much, says its docstring
+    if isinstance(case.model, UNBOUNDED):
         return
+    excess = 3e-2 if isinstance(case.model, OrenNayar) else 2e-3
     for values in corners(case.model):
         for layer in (case.layer, Layer.starting_at("layer", case.model, values, delta=False)):
             state = LayerState(values)
             assert albedo(layer, state).max() <= 1 + 1e-3, values
         # Exact where the layer starts; coarse Fresnel terms may overshoot far from there
         cos, directional = directional_albedo(layer, state)
-    excess = 3e-2 if isinstance(case.model, OrenNayar) else 2e-3
         assert directional[cos > 0.1].max() <= 1 + excess, values
 
 

@@ -66,7 +66,7 @@ def directional_albedo(layer: Layer, state: LayerState) -> tuple[Float64, Float6
     c = coefficients(layer, state)
     rank, bins = layer.model.rank, layer.bins
     fine = c[: rank * bins].reshape(rank, bins, 3)
-    result = np.einsum("okj,kjh->oh", table.density.sum(axis=3), fine)
+    result = np.einsum("okj,kjh->oh", table.per_bin, fine)
     factor = outgoing(layer, state, table.cos_theta_o, delta=False)
     if factor is not None:
         result = result * factor
@@ -106,7 +106,7 @@ def energies(layer: Layer) -> tuple[Float64, Float64, Float64]:
     float64 [o, k, j]. π times the weighted mean over o is e_kj (2008, appendix B).
     """
     table = energy_table(layer)
-    return table.cos_theta_o, table.weight, table.density.sum(axis=3)
+    return table.cos_theta_o, table.weight, table.per_bin
 
 
 def conserved(material: Material, state: MaterialState) -> MaterialState:
@@ -152,7 +152,8 @@ def _albedo_of_bins(layer: Layer, state: LayerState, table: EnergyTable) -> Floa
     factor = outgoing(layer, state, table.cos_theta_o, delta=False)
     weight = table.weight[:, None] * (1.0 if factor is None else factor)
     weight = np.broadcast_to(weight, (len(table.weight), 3))
-    return np.asarray(np.einsum("oh,okj,kjh->jh", weight, density, fine, optimize=True))
+    energy = np.tensordot(weight, table.per_bin, axes=(0, 0))
+    return np.asarray(np.einsum("hkj,kjh->jh", energy, fine))
 
 
 def _albedo_of_delta(layer: Layer, state: LayerState, table: EnergyTable) -> Float64:

@@ -12,7 +12,7 @@ dense rule over directions.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -45,10 +45,15 @@ class EnergyTable:
     t: Float64
     density: Float64
 
-    @property
+    @cached_property
     def mean_density(self) -> Float64:
         """The density averaged over outgoing directions: float64 [k, j, s]."""
         return np.tensordot(self.weight, self.density, axes=1)
+
+    @cached_property
+    def per_bin(self) -> Float64:
+        """The density of whole bins: float64 [o, k, j]."""
+        return np.asarray(self.density.sum(axis=3))
 
 
 def energy_table(layer: Layer) -> EnergyTable:
@@ -67,15 +72,15 @@ def _energy_table(
         t, density = _over_cosine(model, bins, fixed, cos_o)
     elif model.inverse == "half":
         t, density = _over_half_vectors(model, bins, spacing, fixed, cos_o)
+    elif model.inverse == "axis" and not model.anisotropic:
+        t, density = _over_rings(model, bins, spacing, fixed, cos_o)
+    else:
+        t, density = _scattered(model, bins, spacing, fixed, cos_o)
     return EnergyTable(cos_o, weight, t, density)
 
 
 def gauss_legendre(start: float, stop: float, count: int) -> tuple[Float64, Float64]:
     """Nodes and weights for ∫ from start to stop."""
-    elif model.inverse == "axis" and not model.anisotropic:
-        t, density = _over_rings(model, bins, spacing, fixed, cos_o)
-    else:
-        t, density = _scattered(model, bins, spacing, fixed, cos_o)
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return start + (stop - start) * (nodes + 1) / 2, weights * (stop - start) / 2
 

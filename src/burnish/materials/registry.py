@@ -36,6 +36,8 @@ from burnish.materials.models.principled import (
     PrincipledSheen,
     PrincipledSpecular,
 )
+from burnish.materials.models.schlick import Schlick
+from burnish.materials.models.ward import WardRatio, WardWidth
 
 MODELS: dict[str, type[Model]] = {
     model.name: model
@@ -48,8 +50,6 @@ MODELS: dict[str, type[Model]] = {
         PlasticBase,
         AshikhminShirleyRatio,
         AshikhminShirleyWidth,
-        PrincipledBase,
-        PrincipledSheen,
         Phong,
         LightView,
         OrenNayar,
@@ -59,6 +59,8 @@ MODELS: dict[str, type[Model]] = {
         BeardMaxwellSurface,
         BeardMaxwellVolume,
         FresnelCurve,
+        PrincipledBase,
+        PrincipledSheen,
         PrincipledSpecular,
         PrincipledMetal,
         PrincipledCoat,
@@ -114,17 +116,17 @@ def layer_from_json(data: Mapping[str, Any]) -> Layer:
 
 def layer_state_to_json(state: LayerState) -> Json:
     """What was set on one layer."""
+    outward = state.outgoing_curve
     values = {
         name: list(value) if isinstance(value, tuple) else value
-    outward = state.outgoing_curve
         for name, value in state.values.items()
     }
     return {
         "values": values,
         "curve": None if state.curve is None else state.curve.to_json(),
+        "outgoing_curve": None if outward is None else outward.to_json(),
         "enabled": state.enabled,
         "weight": state.weight,
-        "outgoing_curve": None if outward is None else outward.to_json(),
     }
 
 
