@@ -43,6 +43,7 @@ SQUARE = 8
 DEFAULT_TOLERANCE = 0.01
 """Relative L2 error of the weighted signal that a block may have."""
 
+_FEW_COLUMNS = 4
 _RGBE_BYTES = 4
 _SMALLEST_ENERGY = 1e-8
 _DEPENDENT = 1e-6
@@ -258,9 +259,13 @@ def _rank(lost: Float64, allowed: float, minimum: int) -> int:
 def _affordable(r: int, c: int, z: int, rgbe: int) -> int:
     """Bytes that a block may have: a third of RGBE's, or ranks (8, 8) where that is more.
 
-    A few rows at a silhouette need fewer ranks over rows and more over tails. No block but
-    one of the smallest ranks is larger than RGBE.
+    A few rows at a silhouette need fewer ranks over rows and more over tails. A layer of few
+    columns, such as a diffuse one, costs little and shows everywhere: with fewer than ranks
+    (32, 8) its squares can be seen at few samples. No other block but one of the smallest
+    ranks is larger than RGBE.
     """
+    if c <= _FEW_COLUMNS:
+        return max(rgbe // 3, int(_bytes(r, c, z, 32, 8)))
     return max(rgbe // 3, min(rgbe, int(_bytes(r, c, z, 8, 8))))
 
 
