@@ -1,37 +1,23 @@
-"""Freezing and frames of a Cornell-sized view, beside what memory bandwidth alone would take.
-
-    python bench/runtime.py [--size 450] [--ranks 8 8] [--json]
-
-A made-up view of 450 × 450 pixels, seven objects of 1 + 64 columns (Lambert and
-Blinn-Phong), 120 tails (series 64,1,1,1); the edited wall covers 45,000 pixels. The blocks
-hold random numbers: what is timed does not depend on them.
-"""
+"""Freezing and frames of a made-up Cornell-sized view, for ranks that a bake may have."""
 
 from __future__ import annotations
 
-import argparse
-import json
-import statistics
 import tempfile
-import time
-from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from burnish.core.parallel import core_count, parallel_map
+from bench import editing
+from bench.report import Goal, Report
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.lambert import Lambert
-from burnish.runtime.freeze import freeze
-from burnish.runtime.renderer import Renderer
-from burnish.store import BundleHeader, BundleWriter, ViewHeader, open_bundle
-from burnish.transport.basis import Basis, EditableObject, State, initial_state
+from burnish.store import BundleHeader, BundleWriter, ViewHeader
+from burnish.transport.basis import Basis, EditableObject
 from burnish.transport.block import Block, Tile
 from burnish.transport.compression import column_scale
-from burnish.transport.pack import TiledBlocks
 from burnish.transport.rows import Rows
 
 NAMES = ("floor", "ceiling", "back", "left", "right", "small-box", "large-box")
@@ -105,104 +91,49 @@ def made_up_tiles(basis: Basis, size: int, ranks: tuple[int, int]) -> list[Tile]
     return [made_up_tile(basis, size, x, y, ranks, n) for n, (x, y) in enumerate(corners)]
 
 
-def milliseconds(action: Callable[[], object], repeats: int) -> float:
-    """The median time of an action, the first call left out."""
-    action()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return 1e3 * statistics.median(times)
+def run(quick: bool) -> Report:
+    """Freeze and frames at the ranks that a noisy and a clean bake have."""
+    size = 225 if quick else 450
+    rows, goals = [], []
+    for ranks in ((8, 8), (24, 16)):
+        found = measure(size, ranks, repeats=10 if quick else 60)
+        rows.append(
+            {
+                "ranks": "×".join(map(str, ranks)),
+                "blocks MB": found["blocks_bytes"] / 1e6,
+                "frozen MB": found["frozen_bytes"] / 1e6,
+                "freeze s": found["freeze_ms"] / 1e3,
+                "× bw": found["freeze_bandwidth_ratio"],
+                "cold s": found["cold_ms"] / 1e3,
+                "fps": 1e3 / found["frame_ms"],
+                "fps × bw": found["frame_bandwidth_ratio"],
+                "bandwidth GB/s": found["gb_s"],
+            }
+        )
+        goals.append(
+            Goal(f"ranks {ranks}: frames per second", 1e3 / found["frame_ms"], 60, at_least=True)
+        )
+        goals.append(Goal(f"ranks {ranks}: freeze from memory, s", found["freeze_ms"] / 1e3, 0.5))
+        goals.append(Goal(f"ranks {ranks}: freeze cold, s", found["cold_ms"] / 1e3, 3.0))
+    notes = (
+        f"A made-up view of {size}×{size} pixels, seven objects of 1 + 64 columns, 120 tails "
+        "(series 64,1,1,1), the edited wall on 22 % of the picture. The blocks hold random "
+        "numbers of the given ranks over rows and tails: no ray tracer is needed."
+    )
+    return Report("runtime", "Editing at given ranks", notes, rows, goals)
 
 
-def bandwidth(megabytes: int = 256) -> float:
-    """Bytes per second that all cores together read from memory (a sum over float32)."""
-    data = np.ones(megabytes << 18, np.float32)
-    pieces = np.array_split(data, core_count())
-    ones = np.ones(len(pieces[0]) // 1024, np.float32)
-
-    def read(piece: np.ndarray) -> object:
-        matrix = piece[: len(piece) // 1024 * 1024].reshape(-1, 1024)
-        return matrix.T @ ones[: len(matrix)]
-
-    return data.nbytes / (milliseconds(lambda: parallel_map(read, pieces), 9) / 1e3)
-
-
-def measure(size: int, ranks: tuple[int, int]) -> dict[str, Any]:
-    """Freeze and frame times, and each as a multiple of reading its data once."""
+def measure(size: int, ranks: tuple[int, int], repeats: int) -> dict[str, Any]:
+    """Write the view as a bundle and edit its wall."""
     basis = made_up_basis()
     tiles = made_up_tiles(basis, size, ranks)
-    source = TiledBlocks.of(basis, size, size, tiles)
-    start = initial_state(basis.objects)
-    target = (NAMES.index("back"),)
-    speed = bandwidth()
-
-    # Freeze from memory
-    frozen = freeze(source, target, start)
-    stored = sum(pack.nbytes for pack in source.packs())
-    made = sum(part.nbytes for part in frozen.parts)
-    freeze_ms = milliseconds(lambda: freeze(source, target, start), 7)
-
-    # Frames: one parameter of the wall moves each time
-    renderer = Renderer(frozen)
-    states = [moved(start, "back", 20.0 + n) for n in range(32)]
-    turn = iter(range(1 << 30))
-    frame_ms = milliseconds(lambda: renderer.image(states[next(turn) % 32]), 100)
-
-    # Freeze with nothing read yet
+    rectangles = tuple((t.x, t.y, t.width, t.height) for t in tiles)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "made-up.burnish"
-        rectangles = tuple((t.x, t.y, t.width, t.height) for t in tiles)
-        header = BundleHeader(basis, (ViewHeader("view", size, size, rectangles),))
-        writer = BundleWriter.create(path, header)
+        writer = BundleWriter.create(
+            path, BundleHeader(basis, (ViewHeader("view", size, size, rectangles),))
+        )
         for number, tile in enumerate(tiles):
             writer.write_tile("view", number, tile)
         writer.close()
-        on_disk = open_bundle(path).size
-        open_ms = milliseconds(lambda: open_bundle(path), 3)
-        cold_ms = milliseconds(lambda: freeze(open_bundle(path).views["view"], target, start), 3)
-    freeze_bound = 1e3 * (stored + made) / speed
-    frame_bound = 1e3 * made / speed
-    return {
-        "cores": core_count(),
-        "bandwidth_gb_s": round(speed / 1e9, 1),
-        "blocks_mb": round(stored / 1e6, 1),
-        "bundle_mb": round(on_disk / 1e6, 1),
-        "frozen_mb": round(made / 1e6, 1),
-        "target_pixels": int(sum(len(p.pixel) for p in frozen.parts if p.slice)) // 2,
-        "open_ms": round(open_ms, 1),
-        "freeze_ms": round(freeze_ms, 1),
-        "freeze_from_disk_ms": round(cold_ms, 1),
-        "freeze_times_bandwidth": round(freeze_ms / freeze_bound, 2),
-        "frame_ms": round(frame_ms, 2),
-        "frames_per_second": round(1e3 / frame_ms, 1),
-        "frame_times_bandwidth": round(frame_ms / frame_bound, 2),
-    }
-
-
-def moved(state: State, name: str, exponent: float) -> dict[str, MaterialState]:
-    """The state with another exponent of one object."""
-    layers = dict(state[name].layers)
-    values = {**layers["specular"].values, "exponent": exponent}
-    layers["specular"] = LayerState(values)
-    return {**state, name: MaterialState(layers)}
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--size", type=int, default=450, help="pixels of a side")
-    parser.add_argument("--ranks", type=int, nargs=2, default=(8, 8), metavar=("A", "B"))
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args()
-    result = measure(options.size, tuple(options.ranks))
-    if options.json:
-        print(json.dumps(result))
-    else:
-        for name, value in result.items():
-            print(f"{name:24} {value}")
-
-
-if __name__ == "__main__":
-    main()
+        return editing.measure(path, "back", repeats)
