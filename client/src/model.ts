@@ -1,5 +1,5 @@
 // What the page knows, as signals, and the things a person can do, as functions.
-import { computed, signal } from "@preact/signals";
+import { batch, computed, signal, type Signal } from "@preact/signals";
 import { Connection, type Link } from "./connection";
 import { Kind, type Frame } from "./frames";
 import type {
@@ -20,7 +20,12 @@ import type {
 
 export const link = signal<Link>("connecting");
 export const welcome = signal<Welcome | null>(null);
-export const state = signal<State | null>(null);
+/** The parts of the last State, each a signal of its own, so that a drag redraws what it moves. */
+export const selected = signal<string[]>([]);
+export const history = signal<string[]>([]);
+export const position = signal(0);
+export const warnings = signal<string[]>([]);
+export const saved = signal(true);
 export const materials = signal<Record<string, ObjectValues>>({});
 export const curves = signal<Curves | null>(null);
 export const appearance = signal<Appearance | null>(null);
@@ -66,7 +71,6 @@ export const probe = signal<Probe | null>(null);
 export const zoom = signal(1);
 
 export const objects = computed<ObjectData[]>(() => welcome.value?.objects ?? []);
-export const selected = computed<string[]>(() => state.value?.selected ?? []);
 export const selectedObject = computed<ObjectData | null>(
   () => objects.value.find((item) => item.id === selected.value[0]) ?? null,
 );
@@ -95,6 +99,25 @@ export function dismiss(id: number): void {
   toasts.value = toasts.value.filter((t) => t.id !== id);
 }
 
+/** Keep the old list when the new one says the same. */
+function renew(target: Signal<string[]>, next: string[]): void {
+  const now = target.peek();
+  if (now.length !== next.length || now.some((text, i) => text !== next[i])) target.value = next;
+}
+
+function onState(message: State): void {
+  batch(() => {
+    if (Object.keys(message.materials).length > 0) {
+      materials.value = { ...materials.peek(), ...message.materials };
+    }
+    renew(selected, message.selected);
+    renew(history, message.history);
+    renew(warnings, message.warnings);
+    position.value = message.position;
+    saved.value = message.saved;
+  });
+}
+
 let run = "";
 
 function onMessage(message: FromServer): void {
@@ -109,8 +132,7 @@ function onMessage(message: FromServer): void {
       watch();
       break;
     case "State":
-      materials.value = { ...materials.value, ...message.materials };
-      state.value = message;
+      onState(message);
       break;
     case "Curves":
       curves.value = message;

@@ -21,10 +21,8 @@ ARGUMENTS = [
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
+    "--disable-gpu",
     "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
     "--force-color-profile=srgb",
 ]
 ARTEFACTS = Path(__file__).resolve().parent.parent.parent / "test-output" / "editor"

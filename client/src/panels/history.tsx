@@ -4,8 +4,8 @@ import * as model from "../model";
 
 export function History() {
   const list = useRef<HTMLOListElement>(null);
-  const labels = model.state.value?.history ?? [];
-  const position = model.state.value?.position ?? 0;
+  const labels = model.history.value;
+  const position = model.position.value;
   useEffect(() => {
     list.current?.querySelector('[aria-current="step"]')?.scrollIntoView({ block: "nearest" });
   }, [position, labels.length]);

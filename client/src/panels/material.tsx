@@ -17,7 +17,7 @@ export function Material() {
     );
   }
   const values = model.materials.value[object.id];
-  const warnings = model.state.value?.warnings.filter((text) => text.includes(object.id)) ?? [];
+  const warnings = model.warnings.value.filter((text) => text.includes(object.id));
   const percent = values ? values.albedo.map((x) => Math.round(x * 100)) : [];
   return (
     <section class="panel material" aria-label={`Material of ${object.id}`}>

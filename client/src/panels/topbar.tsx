@@ -14,8 +14,7 @@ const NAMES: Record<string, string> = {
 
 export function TopBar() {
   const session = model.welcome.value?.session ?? "";
-  const state = model.state.value;
-  const unsaved = state !== null && !state.saved;
+  const unsaved = !model.saved.value;
   useEffect(() => {
     document.title = session ? `${unsaved ? "• " : ""}${session} — burnish` : "burnish";
   }, [session, unsaved]);
@@ -28,10 +27,10 @@ export function TopBar() {
         {unsaved && <span class="dot" aria-label="unsaved edits" />}
       </h1>
       <nav aria-label="File">
-        <button title="Undo (Ctrl+Z)" aria-label="Undo" disabled={!state || state.position === 0} onClick={model.undo}>
+        <button title="Undo (Ctrl+Z)" aria-label="Undo" disabled={model.position.value === 0} onClick={model.undo}>
           ↶
         </button>
-        <button title="Redo (Ctrl+Y)" aria-label="Redo" disabled={!state || state.position === state.history.length} onClick={model.redo}>
+        <button title="Redo (Ctrl+Y)" aria-label="Redo" disabled={model.position.value === model.history.value.length} onClick={model.redo}>
           ↷
         </button>
         <button title="Load edits from a file" onClick={openEdits}>
