@@ -12,7 +12,10 @@ from burnish.app.pictures import read_picture
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
-SMALL = {"before_and_after": ["out.png", "--side", "24", "--spp", "16"]}
+SMALL = {
+    "before_and_after": ["out.png", "--side", "24", "--spp", "16"],
+    "own_model": ["out.png", "--side", "24", "--spp", "16"],
+}
 """Arguments under which an example is quick."""
 
 

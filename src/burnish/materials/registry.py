@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, cast
@@ -68,17 +70,33 @@ MODELS: dict[str, type[Model]] = {
 }
 
 Json = dict[str, Any]
+USER_MODELS = "BURNISH_MODELS"
+"""Names the modules that register models of a user's own."""
 
 
 def model_to_json(model: Model) -> Json:
-    """{"name": …} and the model's static choices."""
-    return {"name": model.name, **dataclasses.asdict(cast(Any, model))}
+    """{"name": …} and the model's static choices; for a user's own, the module that defines it."""
+    module = getattr(model, "module", None)
+    origin = {} if module is None else {"module": module}
+    return {"name": model.name, **origin, **dataclasses.asdict(cast(Any, model))}
 
 
 def model_from_json(data: Mapping[str, Any]) -> Model:
-    """The inverse of `model_to_json`. Raises UnknownName, InvalidValue."""
-    choices = {str(key): value for key, value in data.items() if key != "name"}
+    """The inverse of `model_to_json`. Raises UnknownName, InvalidValue.
+
+    A user's own model must have been registered by its module. No file can have a module
+    imported; the environment variable BURNISH_MODELS (names, separated by commas) can.
+    """
+    choices = {str(key): value for key, value in data.items() if key not in ("name", "module")}
     name = str(data.get("name"))
+    if name not in MODELS:
+        for module in filter(None, os.environ.get(USER_MODELS, "").split(",")):
+            _import(module.strip())
+    if name not in MODELS and "module" in data:
+        raise InvalidValue(
+            f"model {name!r} is a user's own, defined in {data['module']!r}: import that module "
+            f"first, or name it in the environment variable {USER_MODELS}"
+        )
     if name not in MODELS:
         raise UnknownName("reflectance model", name, MODELS)
     try:
@@ -176,6 +194,16 @@ def material_from_json(data: Mapping[str, Any]) -> Material:
             initial=state_from_json(data["initial"]),
             links=tuple(Link(**link) for link in data["links"]),
         )
+
+
+def _import(module: str) -> None:
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        raise InvalidValue(
+            f"{USER_MODELS} names {module!r}, which cannot be imported ({error}); put its folder "
+            "into PYTHONPATH"
+        ) from error
 
 
 @contextmanager

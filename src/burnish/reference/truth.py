@@ -22,9 +22,10 @@ State = Mapping[str, MaterialState]
 class PathTracedTruth:
     """Path-traced pictures of a scene with any state of its materials.
 
-    An object in the state that the scene gave it keeps the scene's own BSDF; an edited one
-    gets Mitsuba's own plugin with the edited parameters where one can hold them, and
-    `LayeredBSDF` with burnish's materials where none can.
+    An object in the state that the scene gave it keeps the scene's own BSDF, unless its
+    material was assigned to it; an edited one gets Mitsuba's own plugin with the edited
+    parameters where one can hold them, and `LayeredBSDF` with burnish's materials where none
+    can.
 
     bounces: scattering events per path, 1 or more; None for no limit (Russian roulette).
     """
@@ -76,6 +77,11 @@ class PathTracedTruth:
     def mi_scene(self, state: State) -> Any:
         """The mi.Scene with the materials of a state; built again only when they change."""
         edited = {
+            item.id: item.material.initial
+            for item in self.scene.objects
+            if item.material is not None and item.factory is None
+        }
+        edited |= {
             object_id: item
             for object_id, item in state.items()
             if not is_initial(self.scene.object(object_id), item)
@@ -99,8 +105,10 @@ def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
 
 
 def is_initial(item: SceneObject, state: MaterialState) -> bool:
-    """Whether a state is the one that the scene gave an object."""
-    return item.material is not None and state == item.material.initial
+    """Whether a state is the one that the scene's own BSDF of an object shows."""
+    if item.material is None or item.factory is None:
+        return False
+    return state == item.material.initial
 
 
 def directly_seen(scene: Any, ray: Any) -> Any:

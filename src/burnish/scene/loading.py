@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from burnish.core.errors import InvalidValue, SceneError, UnknownName
+from burnish.materials.layer import Material
 from burnish.scene import examples
 from burnish.scene.adapters import Adapted, adapt
+from burnish.scene.assign import assigned
 from burnish.scene.device import activate
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_light
@@ -118,6 +120,7 @@ def load(
     *,
     resolution: tuple[int, int] | None = None,
     by_bsdf: bool = False,
+    materials: Mapping[str, Material] | None = None,
     **parameters: object,
 ) -> Scene:
     """Load a scene.
@@ -127,6 +130,7 @@ def load(
     variant: Mitsuba variant; see `device.activate`.
     resolution: width and height in pixels for every film, instead of the scene's own.
     by_bsdf: make one object of all shapes that share a BSDF.
+    materials: by object id, materials of ours in place of the scene's (see `assign`).
     parameters: values for `$name` in the file, like Mitsuba's -D.
     Raises MissingFile, SceneError, InvalidValue, UnknownName or DeviceError, in one line
     with the remedy.
@@ -153,8 +157,17 @@ def load(
         if source.suffix.lower() != ".xml":
             raise SceneError(f"{scene}: not a Mitsuba 3 scene; give an .xml file or an example")
         name, tree = source.stem, Tree.from_file(source, parameters)
-    loaded = _assemble(name, source, tree, editable, resolution, by_bsdf, finish)
-    options = {"editable": editable, "resolution": resolution, "by_bsdf": by_bsdf}
+    loaded = _assemble(name, source, tree, resolution, by_bsdf, finish)
+    options: dict[str, Any] = {
+        "editable": editable,
+        "resolution": resolution,
+        "by_bsdf": by_bsdf,
+    }
+    if materials:
+        loaded = assigned(loaded, materials)
+        options["materials"] = dict(materials)
+    if editable is not None:
+        loaded = _restricted(loaded, editable)
     return replace(loaded, request=Request(scene, options | parameters))
 
 
@@ -162,7 +175,6 @@ def _assemble(
     name: str,
     source: Path | None,
     tree: Tree,
-    editable: Sequence[str] | None,
     resolution: tuple[int, int] | None,
     by_bsdf: bool,
     finish: Mapping[str, examples.Finish],
@@ -197,7 +209,7 @@ def _assemble(
         objects.append(finish[item.id](item) if item.id in finish else item)
     object_table = np.zeros(max(table) + 1, np.uint32)
     object_table[list(table)] = list(table.values())
-    scene = Scene(
+    return Scene(
         name=name,
         source=source,
         mi_scene=mi_scene,
@@ -209,7 +221,6 @@ def _assemble(
         drafts=drafts,
         warnings=warnings,
     )
-    return scene if editable is None else _restricted(scene, editable)
 
 
 def _describe(
