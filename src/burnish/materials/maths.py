@@ -44,6 +44,13 @@ class Maths(Protocol):
         """Linear interpolation of a 1D table whose samples lie at x = 0 … 1, ends included."""
         ...
 
+    def lookup3(self, tables: AnyArray, x: Any, y: Any, z: Any) -> list[Any]:
+        """Trilinear interpolation of k tables [k, a, b, c] at points in [0, 1]³, ends included.
+
+        The tables must not change afterwards: a device keeps a copy.
+        """
+        ...
+
 
 class NumpyMaths:
     """`Maths` over NumPy arrays and floats."""
@@ -67,6 +74,24 @@ class NumpyMaths:
     @staticmethod
     def lookup(table: AnyArray, x: Any) -> Any:
         return np.interp(x, np.linspace(0.0, 1.0, len(table)), table)
+
+    @staticmethod
+    def lookup3(tables: AnyArray, x: Any, y: Any, z: Any) -> list[Any]:
+        cells, shares = [], []
+        for value, count in zip(np.broadcast_arrays(x, y, z), tables.shape[1:], strict=True):
+            position = np.clip(value, 0.0, 1.0) * (count - 1)
+            cell = np.minimum(position.astype(np.int64), count - 2)
+            cells.append(cell)
+            shares.append(position - cell)
+        result: list[Any] = [0.0] * len(tables)
+        for corner in np.ndindex(2, 2, 2):
+            share = 1.0
+            for bit, part in zip(corner, shares, strict=True):
+                share = share * (part if bit else 1 - part)
+            at = tuple(cell + bit for bit, cell in zip(corner, cells, strict=True))
+            for k, table in enumerate(tables):
+                result[k] = result[k] + share * table[at]
+        return result
 
 
 numpy_maths = NumpyMaths()

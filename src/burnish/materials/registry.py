@@ -25,6 +25,7 @@ from burnish.materials.models.cook_torrance import (
     CookTorranceConductor,
     CookTorranceDielectric,
 )
+from burnish.materials.models.family import PrincipledFamily
 from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.light_view import LightView
@@ -66,6 +67,7 @@ MODELS: dict[str, type[Model]] = {
         PrincipledSpecular,
         PrincipledMetal,
         PrincipledCoat,
+        PrincipledFamily,
     )
 }
 
