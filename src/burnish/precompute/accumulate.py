@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import Float32, Int32, Int64
-from burnish.precompute.symbolic import NONE
+from burnish.precompute.tables import NONE
 from burnish.precompute.tracer import Target, Tracer
 from burnish.transport.rows import Rows
 

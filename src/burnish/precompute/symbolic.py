@@ -24,14 +24,12 @@ from burnish.materials.coefficients import coefficients, conserved, outgoing
 from burnish.materials.layer import Layer, MaterialState
 from burnish.materials.model import Model
 from burnish.precompute.lobes import HalfAngleLobes, lobe_of
+from burnish.precompute.tables import COSINE_SHARE, NONE, LayerTables
 from burnish.scene import Scene
 from burnish.scene.maths import drjit_maths
-from burnish.transport.basis import Basis, State, coarse_count
+from burnish.transport.basis import Basis, State
 
-NONE = 0xFFFFFFFF
 PLAIN, NUMERIC = -1, -2
-COSINE_SHARE = 0.5
-DELTA_SHARE = 0.25
 NUMERIC_BINS = 512
 """Bins of a numeric material's layers: nothing is stored per pixel, so they may be many."""
 
@@ -53,7 +51,7 @@ class Terms:
 
 
 @dataclass
-class Layout:
+class Slot:
     """How one layer slot of a lane's object is laid out; see the tables' builder.
 
     entry: position in the tables. square: whether bins are spaced by t = u².
@@ -130,106 +128,37 @@ class SymbolicMaterials:
         ]
         self.layered = layered
         self.any_numeric = bool(self._numeric) or bool(compile_for)
-        self._build(layered, position)
+        symbolic = [
+            position.get(thing.id, NUMERIC if layers else PLAIN)
+            for thing, layers in zip(objects, layered, strict=True)
+        ]
+        map_index = {(o, group): n for n, (o, group, _) in enumerate(self.maps)}
+        tables = LayerTables(layered, symbolic, self.models, map_index, basis, max(self.slots, 1))
+        self._shares = tables.half_share, tables.delta_share
+        self._upload(tables, symbolic)
         self.lobes = HalfAngleLobes(len(objects), bool(follow) or self.any_numeric)
         self._shape_lobes(follow or {})
         self._tabulate()
 
-    def _build(self, layered: list[tuple[Layer, ...]], position: dict[str, int]) -> None:
-        basis, objects, S = self.basis, self.scene.objects, max(self.slots, 1)
-        count = len(objects)
-        model = np.full((count, S), NONE, np.uint32)
-        bins = np.ones((count, S), np.uint32)
-        spacing = np.ones((count, S), np.float32)
-        column = np.zeros((count, S), np.uint32)
-        delta_column = np.full((count, S), NONE, np.uint32)
-        indirect_column = np.zeros((count, S), np.uint32)
-        indirect_bins = np.ones((count, S), np.uint32)
-        coarse_first = np.zeros((count, S), np.uint32)
-        coarse_bins = np.ones((count, S), np.uint32)
-        half = np.zeros((count, S), np.float32)
-        variable = np.zeros((count, S), np.uint32)
-        fixed: dict[str, np.ndarray] = {
-            parameter.name: np.full((count, S), parameter.default, np.float32)
-            for model_ in self.models
-            for parameter in model_.fixed_parameters
-        }
-        symbolic = np.full(count, PLAIN, np.int32)
-        layers_of = np.zeros(count, np.uint32)
-        groups_of = np.zeros(count, np.uint32)
-        group_slot = np.zeros((count, S), np.uint32)
-        half_share = np.zeros(count, np.float32)
-        delta_share = np.zeros(count, np.float32)
-        map_of = np.full((count, S), NONE, np.uint32)
-        variables = {key: v for v, key in enumerate(basis.variables)}
-        coarse_start: dict[tuple[int, int], int] = {}
-        for w, (i, k, bin_) in enumerate(basis.coarse):
-            if bin_ == 0:
-                coarse_start[i, k] = w
-        map_index = {(o, group): n for n, (o, group, _) in enumerate(self.maps)}
-        for o, thing in enumerate(objects):
-            layers = layered[o]
-            layers_of[o] = len(layers)
-            groups = list(dict.fromkeys(layer.group for layer in layers))
-            groups_of[o] = len(groups)
-            for g, group in enumerate(groups):
-                group_slot[o, g] = next(s for s, layer in enumerate(layers) if layer.group == group)
-            i = position.get(thing.id, PLAIN)
-            symbolic[o] = i if i >= 0 or not layers else NUMERIC
-            start = indirect = 0
-            for s, layer in enumerate(layers):
-                model[o, s] = self.models.index(layer.model)
-                bins[o, s] = layer.bins
-                spacing[o, s] = layer.spacing
-                column[o, s] = start
-                start += layer.model.rank * layer.bins
-                if layer.delta:
-                    delta_column[o, s] = start
-                    start += 1
-                indirect_column[o, s] = indirect
-                indirect_bins[o, s] = coarse_count(layer, basis.indirect_bins)
-                indirect += int(indirect_bins[o, s])
-                coarse_bins[o, s] = coarse_count(layer, basis.coarse_bins)
-                half[o, s] = layer.model.lobe == "half"
-                map_of[o, s] = map_index.get((o, layer.group), NONE)
-                if i >= 0:
-                    coarse_first[o, s] = coarse_start.get((i, s), 0)
-                    variable[o, s] = variables[i, layer.group]
-                for parameter in layer.model.fixed_parameters:
-                    number = layer.fixed.get(parameter.name, parameter.default)
-                    fixed[parameter.name][o, s] = number
-            if layers:
-                delta_share[o] = DELTA_SHARE if (delta_column[o] != NONE).any() else 0.0
-                glossy = half[o, : len(layers)].any()
-                half_share[o] = (1 - COSINE_SHARE) * (1 - delta_share[o]) if glossy else 0.0
-        self._shares = np.stack([half_share, delta_share])
-        # Flat arrays; opaque, so that new numbers need no new kernel
-        self.symbolic = _array(mi.Int32, symbolic)
-        self.layers_of = _array(mi.UInt32, layers_of)
-        self.groups_of = _array(mi.UInt32, groups_of)
-        self.two_sided = _array(
-            mi.UInt32, np.array([thing.two_sided for thing in objects], np.uint32)
-        )
-        square = (spacing > 1.5).astype(np.uint32)
-        fields = (model, bins, column, square, indirect_bins, indirect_column)
-        blank = np.zeros_like(model)
+    def _upload(self, t: LayerTables, symbolic: list[int]) -> None:
+        """Bring the tables to the device, opaque, so that new numbers need no new kernel."""
+        self.symbolic = _array(mi.Int32, np.array(symbolic, np.int32))
+        self.layers_of, self.groups_of = _array(mi.UInt32, t.layers), _array(mi.UInt32, t.groups)
+        two_sided = np.array([thing.two_sided for thing in self.scene.objects], np.uint32)
+        self.two_sided = _array(mi.UInt32, two_sided)
+        square = (t.spacing > 1.5).astype(np.uint32)
+        blank = np.zeros_like(square)
+        fields = (t.model, t.bins, t.column, square, t.indirect_bins, t.indirect_column)
         self._packed = _array(mi.UInt32, np.stack([*fields, blank, blank], axis=2))
-        self._t = {
-            "delta_column": _array(mi.UInt32, delta_column),
-            "coarse_first": _array(mi.UInt32, coarse_first),
-            "coarse_bins": _array(mi.UInt32, coarse_bins),
-            "variable": _array(mi.UInt32, variable),
-            "map": _array(mi.UInt32, map_of),
-            "group_slot": _array(mi.UInt32, group_slot),
-        }
-        self._spacing = _array(mi.Float, spacing)
-        self._square_spacings = bool(np.isin(spacing, (1.0, 2.0)).all())
-        self._half = _array(mi.Float, half)
-        self._fixed = {name: _array(mi.Float, table) for name, table in fixed.items()}
+        names = "delta_column", "coarse_first", "coarse_bins", "variable", "map", "group_slot"
+        self._t = {name: _array(mi.UInt32, getattr(t, name)) for name in names}
+        self._spacing, self._half = _array(mi.Float, t.spacing), _array(mi.Float, t.half)
+        self._square_spacings = bool(np.isin(t.spacing, (1.0, 2.0)).all())
+        self._fixed = {name: _array(mi.Float, table) for name, table in t.fixed.items()}
 
     def _shape_lobes(self, follow: State) -> None:
         """Let sampling follow the numeric materials, and half-way the given symbolic ones."""
-        half_share, delta_share = self._shares.astype(np.float32)
+        half_share, delta_share = (share.copy() for share in self._shares)
         for o, (thing, layers) in enumerate(zip(self.scene.objects, self.layered, strict=True)):
             numeric = thing.id in self._numeric
             state = self._numeric.get(thing.id) or follow.get(thing.id)
@@ -283,17 +212,17 @@ class SymbolicMaterials:
     def _entry(self, name: str, obj: Any, slot: Any) -> Any:
         return dr.gather(mi.UInt32, self._t[name], obj * max(self.slots, 1) + slot)
 
-    def look_up(self, obj: Any, active: Any) -> list[Layout]:
+    def look_up(self, obj: Any, active: Any) -> list[Slot]:
         """How the layer slots of an object are laid out; once per vertex."""
         result = []
         for s in range(self.slots):
             entry = obj * max(self.slots, 1) + s
             low = dr.gather(mi.Vector4u, self._packed, entry * 2, active)
             high = dr.gather(mi.Vector4u, self._packed, entry * 2 + 1, active)
-            result.append(Layout(entry, low.x, low.y, low.z, low.w, high.x, high.y))
+            result.append(Slot(entry, low.x, low.y, low.z, low.w, high.x, high.y))
         return result
 
-    def _bin(self, t: Any, layout: Layout) -> Any:
+    def _bin(self, t: Any, layout: Slot) -> Any:
         """The fine bin of t: the spacing's warp is uniform over the bins."""
         t = dr.clip(t, 0, 1)
         if self._square_spacings:
@@ -303,7 +232,7 @@ class SymbolicMaterials:
         return dr.minimum(mi.UInt32(u * mi.Float(layout.bins)), dr.maximum(layout.bins, 1) - 1)
 
     def _evaluate(
-        self, layout: Layout, slot: int, wi: Any, wo: Any, active: Any
+        self, layout: Slot, slot: int, wi: Any, wo: Any, active: Any
     ) -> tuple[Any, list[Any]]:
         """t and the quotients of one layer slot; zero where it has no layer."""
         t, quotients = mi.Float(0), [mi.Float(0) for _ in range(self.ranks[slot])]
@@ -338,7 +267,7 @@ class SymbolicMaterials:
     # -- what the tracer asks -------------------------------------------------------------
 
     def columns(
-        self, layouts: list[Layout], wi: Any, wo: Any, H: list[Any], fine: Any, active: Any
+        self, layouts: list[Slot], wi: Any, wo: Any, H: list[Any], fine: Any, active: Any
     ) -> list[Terms]:
         """Columns and quotients that light from `wi` adds to, for a first encounter.
 
@@ -381,7 +310,7 @@ class SymbolicMaterials:
         return dr.maximum(result, 0)
 
     def delta_columns(
-        self, obj: Any, layouts: list[Layout], H: list[Any], active: Any
+        self, obj: Any, layouts: list[Slot], H: list[Any], active: Any
     ) -> list[Terms]:
         """The delta columns of an object, for light from the mirror direction."""
         result = []
@@ -440,7 +369,7 @@ class SymbolicMaterials:
         return self._entry("variable", obj, slot)
 
     def coarse_column(
-        self, obj: Any, layouts: list[Layout], slot: Any, wi: Any, wo: Any, active: Any
+        self, obj: Any, layouts: list[Slot], slot: Any, wi: Any, wo: Any, active: Any
     ) -> tuple[Any, Any]:
         """Coarse column of the chosen slot at a second encounter, and its quotient."""
         lit = active & (wi.z > 0) & (wo.z > 0)

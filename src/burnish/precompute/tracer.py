@@ -17,7 +17,8 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.precompute.film import FilterSampler
-from burnish.precompute.symbolic import NONE, NUMERIC, PLAIN, SymbolicMaterials, Terms
+from burnish.precompute.symbolic import NUMERIC, PLAIN, SymbolicMaterials, Terms
+from burnish.precompute.tables import NONE
 from burnish.scene import Scene, View
 
 MIRROR_PDF = 4.0
