@@ -64,18 +64,31 @@ class Expansion:
         return Expansion(rows, latent, groups)
 
     def expand(self, latent: Float32) -> Float32:
-        """float32 [3, latent] to float32 [3, rows]."""
+        """float32 [q, latent] to float32 [q, rows], of any number of planes q."""
         return self._through(latent, self.rows, forward=True)
 
     def back(self, light: Float32) -> Float32:
-        """The transpose of `expand`: float32 [3, rows] to float32 [3, latent]."""
+        """The transpose of `expand`: float32 [q, rows] to float32 [q, latent]."""
         return self._through(light, self.latent, forward=False)
 
+    def of_rows(self, kept: AnyArray) -> Expansion:
+        """The expansion to some rows alone, of rising indices; directions stay as they are."""
+        place = np.full(self.rows + 1, len(kept), np.int32)
+        place[kept] = np.arange(len(kept))
+        groups = []
+        for group in self.groups:
+            rows = place[group.rows]
+            used = np.flatnonzero((rows < len(kept)).any(axis=1))
+            if len(used):
+                groups.append(_Group(group.U[used], rows[used], group.latent[used]))
+        return Expansion(len(kept), self.latent, tuple(groups))
+
     def _through(self, values: Float32, count: int, forward: bool) -> Float32:
-        # Triples side by side, and one that padding reads and writes
-        source = np.zeros((values.shape[1] + 1, 3), np.float32)
+        # Planes side by side, and one entry that padding reads and writes
+        planes = values.shape[0]
+        source = np.zeros((values.shape[1] + 1, planes), np.float32)
         source[:-1] = values.T
-        result = np.zeros((count + 1, 3), np.float32)
+        result = np.zeros((count + 1, planes), np.float32)
 
         def work(group: _Group) -> None:
             if forward:
