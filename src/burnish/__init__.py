@@ -14,7 +14,7 @@ input raises a `burnish.core.errors.BurnishError` whose message says what to do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from burnish.app.comparison import Comparison
     from burnish.core.types import Float32, Progress
     from burnish.scene import Scene
-    from burnish.session import Session
+    from burnish.session import Fit, FitOptions, FitStep, Session
     from burnish.store.bundle import Bundle
     from burnish.transport.basis import State
 
@@ -35,6 +35,8 @@ __all__ = [
     "bake",
     "compare_with_truth",
     "edit",
+    "fit",
+    "fit_steps",
     "load",
     "open_bundle",
     "path_trace",
@@ -158,6 +160,56 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
     if isinstance(source, (str, Path)):
         return live_session(source, **options)
     return live_session(source.request.scene, **{**source.request.options, **options})
+
+
+def fit(
+    session: Session,
+    target: Float32,
+    *,
+    mask: Float32 | None = None,
+    objects: Sequence[str] | None = None,
+    parameters: Sequence[str] | None = None,
+    view: str | None = None,
+    options: FitOptions | None = None,
+) -> Fit:
+    """Give a session the materials whose picture comes closest to a target, as one undo step.
+
+    target: [height, width, 3], linear RGB (display colours with `options.tone`); a photograph,
+    a painting, a rendering; NaN where nothing is asked. mask: [height, width], bool or
+    weights. objects: whose materials may change; the selected ones, or all, without it.
+    parameters: such as "diffuse.color", "ball.specular.roughness", "specular.curve"; all of
+    layers that reflect something without it. options: `burnish.session.FitOptions`.
+
+    >>> found = burnish.fit(session, photograph, objects=["teapot"])   # doctest: +SKIP
+    >>> print(found.report())                                          # doctest: +SKIP
+
+    Raises UnknownName, InvalidValue, TooLarge, and then changes nothing.
+    """
+    from burnish.session.fitting import fit
+
+    return fit(
+        session,
+        target,
+        mask=mask,
+        objects=objects,
+        parameters=parameters,
+        view=view,
+        options=options,
+    )
+
+
+def fit_steps(session: Session, target: Float32, **options: Any) -> Iterator[FitStep]:
+    """The same, step by step, to show it on the way and to stop it; takes what `fit` takes.
+
+    >>> with session.gesture():                                        # doctest: +SKIP
+    ...     for step in burnish.fit_steps(session, target):
+    ...         session.restore(step.state)
+
+    The session's materials are left alone. The last step has a `result`.
+    """
+    from burnish.session.fitting import fit_steps
+
+    return fit_steps(session, target, **options)
 
 
 def path_trace(

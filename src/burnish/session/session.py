@@ -21,7 +21,7 @@ from burnish.core.errors import (
     TooLarge,
     UnknownName,
 )
-from burnish.core.types import Float32, Int32, Progress, Value
+from burnish.core.types import Float32, Float64, Int32, Progress, Value
 from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, Material, MaterialState
@@ -308,6 +308,30 @@ class Session:
         """The renderer of the present selection, for gradients."""
         targets = tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
         return self._view(view).renderer(targets, self._history.state)
+
+    def gradient(
+        self,
+        loss: Callable[[Float32], tuple[float, Float32]],
+        objects: Sequence[str] | None = None,
+        parameters: Sequence[str] | None = None,
+        view: str | None = None,
+    ) -> tuple[float, dict[str, Float64]]:
+        """The derivative of a loss by parameters, exact and without a ray.
+
+        loss: from a picture [height, width, 3] to a number and its derivative by the picture.
+        objects: the selected ones, or all, without it; they become selected. parameters: as
+        for `burnish.fit`. Gives the loss and, by path, float64 [] per scalar, [3] per
+        colour, by the parameter's own value (linear RGB, alpha, exponent, ...).
+
+        >>> def loss(image):                                       # doctest: +SKIP
+        ...     return ((image - wish) ** 2).sum(), 2 * (image - wish)
+        >>> value, slopes = session.gradient(loss, ["teapot"])     # doctest: +SKIP
+
+        A roughness below 0.001 counts as 0.001. Raises UnknownName, InvalidValue, TooLarge.
+        """
+        from burnish.session.gradient import gradient
+
+        return gradient(self, loss, objects, parameters, view)
 
     def path_trace(
         self,
