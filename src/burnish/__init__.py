@@ -220,21 +220,32 @@ def path_trace(
     spp: int = 256,
     seed: int = 0,
     bounces: int | None = None,
+    series: Sequence[int] | None = None,
     progress: Progress | None = None,
 ) -> Float32:
     """The truth: Mitsuba's path tracer on the scene with edited materials.
 
     materials: a session's `materials`; the scene's own without it. view: the first without a
     name. bounces: scattering events per path, all without a number; a bundle of series
-    (64, 1, 1, 1) has 4. Returns float32 [height, width, 3], linear RGB.
+    (64, 1, 1, 1) has 4. series: the series' own approximations instead (bins, equivalent
+    albedos), for all objects in `materials`: what an endless bake would converge to.
+    Returns float32 [height, width, 3], linear RGB.
 
     >>> burnish.path_trace(scene, session.materials, spp=1024)       # doctest: +SKIP
 
     Raises UnknownName, InvalidValue.
     """
+    name = scene.view(view).name
+    if series is not None:
+        from burnish.reference.series import series_image
+
+        initial = {
+            item.id: item.material.initial for item in scene.editable() if item.material is not None
+        }
+        state = materials if materials is not None else initial
+        return series_image(scene, state, series, name, spp, seed, progress=progress).image
     from burnish.reference.truth import PathTracedTruth
 
-    name = scene.view(view).name
     return PathTracedTruth(scene, bounces).render(materials or {}, name, spp, seed, progress)
 
 
