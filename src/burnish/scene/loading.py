@@ -15,9 +15,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from burnish.core.errors import InvalidValue, SceneError, UnknownName
+from burnish.core.errors import BurnishError, InvalidValue, SceneError, UnknownName
 from burnish.materials.layer import Material
-from burnish.scene import examples
+from burnish.scene import examples, gltf
 from burnish.scene.adapters import Adapted, adapt
 from burnish.scene.assign import assigned
 from burnish.scene.device import activate
@@ -125,7 +125,7 @@ def load(
 ) -> Scene:
     """Load a scene.
 
-    scene: a Mitsuba 3 XML file, a Mitsuba dictionary, or an example's name.
+    scene: a Mitsuba 3 XML file, a glTF or GLB file, a Mitsuba dictionary, or an example's name.
     editable: ids of the objects to keep editable; all that can be by default.
     variant: Mitsuba variant; see `device.activate`.
     resolution: width and height in pixels for every film, instead of the scene's own.
@@ -137,7 +137,8 @@ def load(
     """
     activate(variant)
     finish: Mapping[str, examples.Finish] = {}
-    source = None
+    source: Path | None = None
+    warnings: tuple[str, ...] = ()
     if isinstance(scene, Mapping):
         name, tree = "scene", Tree.from_dict(scene, "the scene dictionary")
     elif Path(scene).name == str(scene) and not Path(scene).suffix:
@@ -148,16 +149,26 @@ def load(
                 f"example {name!r} has no parameter {', '.join(sorted(parameters))}; leave it out"
             )
         folder = Path(tempfile.mkdtemp(prefix="burnish-"))
-        tree = Tree.from_dict(example.describe(folder), f"example {name!r}")
-        # The files are read again by with_bsdfs, and go when the scene does
-        weakref.finalize(tree, shutil.rmtree, folder, ignore_errors=True)
+        tree = _with_folder(example.describe(folder), f"example {name!r}", folder)
         finish = example.finish
     else:
         source = Path(scene)
-        if source.suffix.lower() != ".xml":
-            raise SceneError(f"{scene}: not a Mitsuba 3 scene; give an .xml file or an example")
-        name, tree = source.stem, Tree.from_file(source, parameters)
+        name, suffix = source.stem, source.suffix.lower()
+        if suffix in (".gltf", ".glb"):
+            if parameters:
+                raise InvalidValue(
+                    f"{scene} has no parameter {', '.join(sorted(parameters))}; leave it out"
+                )
+            tree, warnings = _from_gltf(source)
+        elif suffix == ".xml":
+            tree = Tree.from_file(source, parameters)
+        else:
+            raise SceneError(
+                f"{scene}: not a Mitsuba 3 scene or a glTF file; give an .xml, .gltf or .glb file "
+                "or an example"
+            )
     loaded = _assemble(name, source, tree, resolution, by_bsdf, finish)
+    loaded = replace(loaded, warnings=warnings + loaded.warnings)
     options: dict[str, Any] = {
         "editable": editable,
         "resolution": resolution,
@@ -169,6 +180,25 @@ def load(
     if editable is not None:
         loaded = _restricted(loaded, editable)
     return replace(loaded, request=Request(scene, options | parameters))
+
+
+def _with_folder(description: Mapping[str, Any], label: str, folder: Path) -> Tree:
+    """A tree over files in a working folder, which go when the tree does."""
+    tree = Tree.from_dict(description, label)
+    # `with_bsdfs` reads them again
+    weakref.finalize(tree, shutil.rmtree, folder, ignore_errors=True)
+    return tree
+
+
+def _from_gltf(path: Path) -> tuple[Tree, tuple[str, ...]]:
+    """The tree of a glTF or GLB file, and warnings."""
+    folder = Path(tempfile.mkdtemp(prefix="burnish-"))
+    try:
+        description, warnings = gltf.describe(path, folder)
+        return _with_folder(description, str(path), folder), warnings
+    except BurnishError:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def _assemble(
