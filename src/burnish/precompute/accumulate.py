@@ -147,9 +147,12 @@ class Accumulator:
 
     def transport(self) -> list[Float32]:
         """T of each run of the layout: float32 [rows, columns, tails, 3], per sample."""
+        scale = np.float32(1 / max(self.samples, 1))
+        return [total * scale for total in self.sums()]
+
+    def sums(self) -> list[Float32]:
+        """T of each run, summed over the samples: views of the device's memory where it is ours."""
         values = np.array(self.target.transport, copy=False)
-        if self.samples:
-            values = values * np.float32(1 / self.samples)
         return self.layout.split(values[: self.layout.values * 3])
 
     def image(self, buffer: Any) -> Float32:

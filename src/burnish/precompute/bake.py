@@ -66,10 +66,17 @@ def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
     """What an accumulator has gathered, compressed."""
     rectangle, tracer = accumulator.rectangle, accumulator.tracer
     blocks: list[Block] = []
-    for run, T in zip(accumulator.layout.runs, accumulator.transport(), strict=True):
+    # Sums, not means: scaling a whole tile copies up to a gigabyte, of which most is zero
+    for run, T in zip(accumulator.layout.runs, accumulator.sums(), strict=True):
         which = np.arange(run.start, run.stop, dtype=np.int32)
         blocks += compress_tile(
-            T, accumulator.rows, which, tracer.view.width, tracer.basis, tolerance
+            T,
+            accumulator.rows,
+            which,
+            tracer.view.width,
+            tracer.basis,
+            tolerance,
+            1 / max(accumulator.samples, 1),
         )
     rows, blocks = _drop_unused(accumulator.rows, blocks)
     t = accumulator.target

@@ -184,14 +184,15 @@ def compress_tile(
     width: int,
     basis: Basis,
     tolerance: float = DEFAULT_TOLERANCE,
+    factor: float = 1.0,
 ) -> list[Block]:
     """Compress a tile's rows of one object and kind, square by square and layer by layer.
 
     The columns of a diffuse layer and those of a lobe's bins differ in size and in noise by
     orders of magnitude: together, the ranks would follow the noisiest of them.
     T: float32 [r, c, z, 3]. rows: the tile's rows. which: int32 [r], the rows of T among
-    them, all of one object and kind. width: pixels across the whole view. Squares with no
-    light at all give no block.
+    them, all of one object and kind. width: pixels across the whole view. factor: what T is
+    multiplied by. Squares with no light at all give no block.
     """
     if len(which) == 0:
         return []
@@ -206,6 +207,7 @@ def compress_tile(
 
     def work(members: AnyArray) -> list[Block]:
         cells = Cells.of(T, members)
+        np.multiply(cells.values, np.float32(factor), out=cells.values)
         lit = cells.lit_rows()
         if not lit.all():
             cells, members = cells.select(lit), members[lit]
