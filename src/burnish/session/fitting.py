@@ -147,40 +147,37 @@ def fit_steps(
     pixels = wish.pixels
     count = 0
 
-    def objective(some: Int64, begin: Float64, huber: float = 0.0) -> Objective:
-        model = PictureModel(frozen, unknowns, state, some)
-        return Objective(model, wish, begin, chosen.prior, chosen.physical, huber)
+    def objective(model: PictureModel) -> Objective:
+        return Objective(model, wish, model.read(state), chosen.prior, chosen.physical)
 
-    # Look around on few pixels, for the width from which the way leads down
-    few = objective(_sample(pixels, _SEARCH_PIXELS), np.zeros(0))
+    # Look around on few pixels, for the shape from which the way leads down
+    few = objective(PictureModel(frozen, unknowns, state, _sample(pixels, _SEARCH_PIXELS)))
     first = few.model.read(state)
-    few = objective(few.model.pixels, first)
-    begin, x, best = first, first, np.inf
+    x, best, error = first, np.inf, np.inf
     candidates = starts(few.model, first, chosen.starts)
     for candidate in candidates if len(candidates) > 1 else ():
         for place in descend(few, candidate, _SEARCH_STEPS, 1e-3):
             if place.cost < best:
-                x, best = place.x, place.cost
+                x, best, error = place.x, place.cost, _relative(few, place.x)
             count += 1
-            yield FitStep(count, few.model.state(x), _relative(few, x))
+            yield FitStep(count, few.model.state(x), error)
 
     # Go down: on some pixels, then on all; at last with outliers held back
     some = _sample(pixels, _FEW_PIXELS)
-    stages = [(some, chosen.steps, False)]
-    if len(some) < len(pixels):
-        stages.append((pixels, _ALL_STEPS, False))
-    if chosen.robust:
-        stages.append((pixels, chosen.steps if len(some) == len(pixels) else _ALL_STEPS, True))
-    whole: Objective | None = None
-    for part, limit, robust in stages:
-        if whole is None or len(part) > len(whole.model.pixels):
-            whole = objective(part, begin)
-        if robust:
-            whole.huber = _outlier(whole, x)
+    stages = [(some, chosen.steps)] if len(some) < len(pixels) else []
+    stages.append((pixels, _ALL_STEPS if stages else chosen.steps))
+    whole = few
+    for part, limit in stages:
+        if len(part) > len(whole.model.pixels):
+            whole = objective(PictureModel(frozen, unknowns, state, part))
         for place in descend(whole, x, limit):
             x, count = place.x, count + 1
             yield FitStep(count, whole.model.state(x), _relative(whole, x))
-    assert whole is not None
+    whole.huber = _outlier(whole, x) if chosen.robust else 0.0
+    if whole.huber > 0:
+        for place in descend(whole, x, stages[-1][1]):
+            x, count = place.x, count + 1
+            yield FitStep(count, whole.model.state(x), _relative(whole, x))
 
     fitted_state = whole.model.state(x)
     limits = _limits(whole, x)

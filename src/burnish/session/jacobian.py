@@ -110,19 +110,15 @@ class PictureModel:
         state = self.state(x)
         numbers = self._numbers(state)
         changes = self.changes(x)
-        result = np.zeros((3, len(self.pixels), len(x)), np.float32)
+        result = np.zeros((3, len(x), len(self.pixels)), np.float32).transpose(0, 2, 1)
         for k, part in enumerate(self._parts):
             factor = self._factor(part, state)
             directions = np.stack([_changed_weights(part, numbers, item) for item in changes], 1)
-            for h in range(3):
-                moving = np.flatnonzero(np.abs(directions[h]).max(axis=1))
-                if len(moving):
-                    light = _product(part.F[h : h + 1], directions[h : h + 1, moving])[0]
-                    if part.expansion is not None:
-                        light = part.expansion.expand(np.ascontiguousarray(light.T)).T
-                    if factor is not None:
-                        light = light * factor[h][:, None]
-                    result[h, part.pixel[:, None], moving] += light
+            moving = [np.flatnonzero(np.abs(plane).max(axis=1)) for plane in directions]
+            lights = _lights(part, [plane[u] for plane, u in zip(directions, moving, strict=True)])
+            for h, light in enumerate(lights):
+                for at, own in zip(moving[h], light, strict=True):
+                    result[h, :, at][part.pixel] += own if factor is None else own * factor[h]
             through = [u for u, item in enumerate(changes) if k in item.outgoing]
             if through:
                 light = _light(part, numbers)
@@ -321,6 +317,18 @@ def _light(part: FrozenPart, numbers: Numbers) -> Float32:
     """What a part adds to its rows, its outgoing factor apart: float32 [3, r]."""
     products = _product(part.F, _weights(part, numbers)[:, None])[:, :, 0]
     return products if part.expansion is None else part.expansion.expand(products)
+
+
+def _lights(part: FrozenPart, directions: Sequence[Float64]) -> list[Float32]:
+    """What directions [u, columns · powers] of each channel give the rows: float32 [u, r]."""
+    lights = [
+        _product(part.F[h : h + 1], own[None])[0].T if len(own) else np.zeros((0, part.F.shape[1]))
+        for h, own in enumerate(directions)
+    ]
+    planes = np.ascontiguousarray(np.concatenate(lights), np.float32)
+    if part.expansion is not None:
+        planes = part.expansion.expand(planes)
+    return np.split(planes, np.cumsum([len(own) for own in directions])[:-1])
 
 
 def _product(F: Float32, weights: Float64) -> Float32:
