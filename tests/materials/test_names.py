@@ -89,3 +89,20 @@ def test_unknown_paths_name_the_nearest(path: str, nearest: str) -> None:
         resolve(materials, path)
     assert "nearest" in str(caught.value)
     assert nearest.rsplit(".", 1)[0] in str(caught.value)
+
+
+def test_the_roughness_of_principled_is_openpbrs() -> None:
+    from burnish.materials.models.principled import PrincipledSpecular
+
+    values: dict[str, Any] = {
+        "color": (0.5, 0.5, 0.5),
+        "metallic": 0.2,
+        "roughness": 0.4,
+        "specular": 0.5,
+        "spec_tint": 0.0,
+    }
+    layer = Layer.starting_at("specular", PrincipledSpecular(), values)
+    car = Material((layer,), MaterialState({"specular": LayerState(values)}))
+    address = resolve({"car": car}, "car.specular_roughness")
+    assert address.read(car.initial) == 0.4
+    assert resolve({"car": car}, "car.base_metalness").read(car.initial) == 0.2

@@ -160,7 +160,7 @@ def test_every_parameter_is_mitsubas(description: dict[str, Any]) -> None:
                 value = (x, x, x) if parameter.kind == "colour" else x
                 state = changed(material, {f"{layer.name}.{parameter.name}": value})
                 bsdf = adapted.edited_bsdf(state)
-                if bsdf is None:  # a tinted checkerboard, a scaled map
+                if bsdf is None:  # a scaled map of sheen or coat
                     assert adapted.maps
                     continue
                 expected = mitsuba_value(bsdf, wi, wo)

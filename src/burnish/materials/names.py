@@ -6,10 +6,12 @@
 | `object.base_weight` | the weight of "diffuse" | |
 | `object.specular_weight` | the weight of "specular" | |
 | `object.specular_color` | specular.color, of a dielectric | |
-| `object.specular_roughness` | specular.roughness | roughness α = (OpenPBR's)² |
+| `object.base_metalness` | specular.metallic | |
+| `object.specular_roughness` | specular.roughness | α = (OpenPBR's)²; `principled`: none |
 | `object.specular_ior` | specular.ior | |
 
-A layer's own `roughness` is Mitsuba's alpha; OpenPBR's `specular_roughness` is its root.
+A layer's own `roughness` is Mitsuba's alpha, and OpenPBR's `specular_roughness` its root; the
+layers of Mitsuba's `principled` have the root already.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ WEIGHT = Parameter("weight", 1.0, 0.0, 100.0, 0.0, 1.0, description="scales a wh
 
 ALIASES: dict[str, tuple[tuple[str, str], ...]] = {
     "base_color": (("diffuse", "color"), ("specular", "color")),
+    "base_metalness": (("specular", "metallic"),),
     "base_weight": (("diffuse", "weight"),),
     "specular_weight": (("specular", "weight"),),
     "specular_color": (("specular", "color"),),
@@ -103,7 +106,8 @@ def _inside(object_id: str, material: Material, rest: str) -> Address | None:
     if rest in ALIASES:
         for layer, parameter in ALIASES[rest]:
             if _has(material, layer, parameter) and _fits(material, rest):
-                return Address(object_id, layer, parameter, rest == "specular_roughness")
+                squared = rest == "specular_roughness" and _is_alpha(material, layer)
+                return Address(object_id, layer, parameter, squared)
         return None
     layer, _, parameter = rest.partition(".")
     return Address(object_id, layer, parameter) if _has(material, layer, parameter) else None
@@ -114,6 +118,11 @@ def _has(material: Material, layer: str, parameter: str) -> bool:
         return False
     names = {item.name for item in material.parameters(layer)}
     return parameter in names or parameter == "weight"
+
+
+def _is_alpha(material: Material, layer: str) -> bool:
+    """Whether a layer's roughness is Mitsuba's alpha: then a slider travels over its root."""
+    return material.layer(layer).parameter("roughness").scale == "square"
 
 
 def _fits(material: Material, alias: str) -> bool:

@@ -27,6 +27,7 @@ from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.optics import SMALLEST_ROUGHNESS, Distribution
 from burnish.materials.models.plastic_base import PlasticBase
 from burnish.scene import principled
+from burnish.scene.blend import blend
 from burnish.scene.reader import Description, Fixed, Read, Reader, rgb
 from burnish.scene.textures import interreflected, texture_mean
 
@@ -54,6 +55,12 @@ def adapt(description: Description) -> Adapted:
     try:
         inner = _inside(description)
         kind = inner["type"]
+        if kind == "blendbsdf":
+            found = blend(inner, two_sided, adapt)
+            both = two_sided or found.parts[0].two_sided
+            return Adapted(found.material, "", both, found.maps, found.factory)
+        if kind in _UNSUPPORTED:
+            raise Fixed(_UNSUPPORTED[kind])
         if kind not in _KINDS:
             raise Fixed(f"its BSDF is '{kind}'; editable are {', '.join(sorted(_KINDS))}")
         read = Reader(inner)
@@ -198,6 +205,13 @@ def _coated(read: Reader, distribution: Distribution, alpha: float) -> Read:
     links = tuple(Link("diffuse", name, "specular", name) for name in ("roughness", "ior"))
     return Material((base, coat), initial, links), maps
 
+
+_UNSUPPORTED = {
+    "mask": "its 'mask' lets light pass where it is open",
+    "bumpmap": "its normals are bent by a 'bumpmap'",
+    "normalmap": "its normals are bent by a 'normalmap'",
+}
+"""Why a BSDF stays fixed though what it wraps could be edited."""
 
 _KINDS: dict[str, Callable[[Reader], Read]] = {
     "diffuse": _diffuse,

@@ -11,6 +11,7 @@ import numpy as np
 from burnish.core.types import RGB
 from burnish.materials.layer import Material
 from burnish.materials.models.optics import Distribution
+from burnish.scene.textures import Factor, product
 
 Description = Mapping[str, Any]
 """A Mitsuba dictionary, as for `mi.load_dict`."""
@@ -83,30 +84,16 @@ class Reader:
 
     def edited_colour(self, name: str, colour: RGB) -> dict[str, Any]:
         """The dictionary entry of a colour, or of its tinted texture."""
-        if max(colour) > 1 and not self.is_textured(name):
+        if max(colour) > 1:
             raise Fixed("a Mitsuba colour ends at 1")
         if not self.is_textured(name):
             return {name: rgb(colour)}
         texture = self.texture(name)
-        return {name: dict(texture) if colour == (1.0, 1.0, 1.0) else tinted(texture, colour)}
+        if colour != (1.0, 1.0, 1.0):
+            texture = product([Factor(texture), Factor(rgb(colour))])
+        return {name: dict(texture)}
 
 
 def rgb(colour: Any) -> dict[str, Any]:
     """A colour as a Mitsuba dictionary."""
     return {"type": "rgb", "value": [float(c) for c in colour]}
-
-
-def tinted(texture: Description, colour: RGB) -> Any:
-    """A bitmap with scaled texels. Raises Fixed for other textures and colours above 1."""
-    plugin = mi.load_dict(dict(texture))
-    values = mi.traverse(plugin)
-    if texture["type"] != "bitmap" or max(colour) > 1:
-        raise Fixed("only bitmaps can be tinted")
-    data = np.asarray(values["data"])
-    if data.shape[2] == 1:
-        if len(set(colour)) > 1:
-            raise Fixed("a grey bitmap cannot be tinted")
-        colour = colour[:1]  # type: ignore[assignment]
-    values["data"] = mi.TensorXf(data * np.asarray(colour, np.float32))
-    values.update()
-    return plugin

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import RGB
-from burnish.scene.reader import Description
+
+if TYPE_CHECKING:
+    from burnish.scene.reader import Description
 
 
 def interreflected(texture: Description, internal: float) -> Description:
@@ -101,7 +103,10 @@ def _register_product() -> None:
         def eval(self, si: Any, active: Any = True) -> Any:
             result = mi.Color3f(1)
             for nested, scale, offset, single in self.factors:
-                value = nested.eval_1(si, active) if single else nested.eval(si, active)
+                if isinstance(nested, mi.ScalarColor3d):  # so Mitsuba hands on a constant colour
+                    value = nested
+                else:
+                    value = nested.eval_1(si, active) if single else nested.eval(si, active)
                 result *= offset + scale * mi.Color3f(value)
             return result
 

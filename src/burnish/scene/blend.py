@@ -1,0 +1,100 @@
+"""Mitsuba's `blendbsdf`: two materials side by side, each under a static weight map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+
+from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
+from burnish.scene.reader import Description, Fixed
+from burnish.scene.textures import Factor, product
+
+if TYPE_CHECKING:
+    from burnish.scene.adapters import Adapted
+
+PREFIXES = ("first", "second")
+"""What the names of the two materials' layers begin with."""
+
+
+@dataclass(frozen=True)
+class Blend:
+    """The parts of a blend, and what became of them.
+
+    weight: the share of the second material, a number or a texture. factory: gives Mitsuba's
+    blendbsdf of an edited state, None where one of its two has no plugin.
+    """
+
+    material: Material
+    maps: dict[str, Description]
+    weight: Any
+    parts: tuple[Adapted, Adapted]
+    two_sided: bool
+
+    def factory(self, state: MaterialState) -> Any | None:
+        """mi.BSDF of a state, or None."""
+        if state.conserve:
+            return None
+        edited: dict[str, Any] = {}
+        for prefix, part in zip(PREFIXES, self.parts, strict=True):
+            assert part.edited_bsdf is not None
+            start = f"{prefix}_"
+            own = {
+                name.removeprefix(start): layer
+                for name, layer in state.layers.items()
+                if name.startswith(start)
+            }
+            edited[prefix] = part.edited_bsdf(MaterialState(own))
+            if edited[prefix] is None:
+                return None
+        if set(state.layers) != {layer.name for layer in self.material.layers}:
+            return None
+        blended = {"type": "blendbsdf", "weight": self.weight, **edited}
+        return mi.load_dict({"type": "twosided", "bsdf": blended} if self.two_sided else blended)
+
+
+def blend(
+    description: Description, two_sided: bool, adapt: Callable[[Description], Adapted]
+) -> Blend:
+    """A `blendbsdf` as layers. Raises Fixed."""
+    children = [
+        value
+        for name, value in description.items()
+        if isinstance(value, Mapping) and name != "weight"
+    ]
+    if len(children) != 2:
+        raise Fixed("its blend does not hold two BSDFs that can be read")
+    first, second = (adapt(child) for child in children)
+    for prefix, part in zip(PREFIXES, (first, second), strict=True):
+        if part.material is None:
+            raise Fixed(f"the {prefix} part of its blend cannot be edited: {part.reason}")
+    if first.two_sided != second.two_sided:
+        raise Fixed("only one part of its blend is two-sided")
+    weight = description.get("weight", 0.5)
+    texture = weight if isinstance(weight, Mapping) else {"type": "uniform", "value": float(weight)}
+    shares = (Factor(texture, -1.0, 1.0, single=True), Factor(texture, single=True))
+    layers: list[Layer] = []
+    links: list[Link] = []
+    states: dict[str, LayerState] = {}
+    maps: dict[str, Description] = {}
+    for prefix, part, share in zip(PREFIXES, (first, second), shares, strict=True):
+        assert part.material is not None
+        for layer in part.material.layers:
+            group = f"{prefix}_{layer.group}" if layer.group else prefix
+            name = f"{prefix}_{layer.name}"
+            layers.append(replace(layer, name=name, group=group))
+            states[name] = part.material.initial.layers[layer.name]
+            own = [Factor(part.maps[layer.group])] if layer.group else []
+            maps[group] = product([share, *own])
+        links += [
+            replace(
+                link,
+                layer=f"{prefix}_{link.layer}",
+                source_layer=f"{prefix}_{link.source_layer}",
+            )
+            for link in part.material.links
+        ]
+    material = Material(tuple(layers), MaterialState(states), tuple(links))
+    return Blend(material, maps, weight, (first, second), two_sided)
