@@ -12,6 +12,14 @@ import pytest
 from burnish.materials.coefficients import outgoing
 from burnish.materials.layer import Layer, LayerState
 from burnish.materials.maths import Vector, dot, half_vector, numpy_maths
+from burnish.materials.measured.models import (
+    Measured,
+    MeasuredDiffuse,
+    MeasuredFresnel,
+    MeasuredHalf,
+    MeasuredIncident,
+    MeasuredSpecular,
+)
 from burnish.materials.model import Model
 from burnish.materials.models.ashikhmin_shirley import AshikhminShirleyRatio, AshikhminShirleyWidth
 from burnish.materials.models.beard_maxwell import BeardMaxwellSurface, BeardMaxwellVolume
@@ -88,6 +96,16 @@ CASES = {
         {"color": COLOUR, "bias": 0.1, "sigma": 0.15, "tau": 0.4, "omega": 0.7},
     ),
     "beard-maxwell-volume": Case(BeardMaxwellVolume(), {"color": COLOUR, "volume": COLOUR[::-1]}),
+    **{
+        kind.name: Case(kind(), {"color": COLOUR})
+        for kind in (
+            MeasuredDiffuse,
+            MeasuredSpecular,
+            MeasuredFresnel,
+            MeasuredHalf,
+            MeasuredIncident,
+        )
+    },
     "fresnel-curve": Case(FresnelCurve(), {"color": COLOUR, "roughness": 0.25, **COPPER}),
     "principled-base": Case(PrincipledBase(), {"color": COLOUR, "metallic": 0.2, "roughness": 0.6}),
     "principled-sheen": Case(
@@ -217,7 +235,7 @@ def corners(model: Model) -> list[dict[str, Any]]:
     return [base, *({**base, p.name: p.validate(end)} for p, end in ends)]
 
 
-UNBOUNDED = (BeardMaxwellSurface, BeardMaxwellVolume, PrincipledBase)
+UNBOUNDED = (BeardMaxwellSurface, BeardMaxwellVolume, Measured, PrincipledBase)
 """Models whose papers do not conserve energy, as their docstrings say."""
 
 

@@ -46,6 +46,10 @@ class SceneError(BurnishError, ValueError):
     """A scene file is malformed or lacks what a render needs."""
 
 
+class MeasurementError(BurnishError, ValueError):
+    """Measured reflectance is truncated, has the wrong dimensions, or no valid cell."""
+
+
 class BundleError(BurnishError, ValueError):
     """A bundle is truncated, foreign, or of a newer format."""
 

@@ -13,6 +13,13 @@ from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
+from burnish.materials.measured.models import (
+    MeasuredDiffuse,
+    MeasuredFresnel,
+    MeasuredHalf,
+    MeasuredIncident,
+    MeasuredSpecular,
+)
 from burnish.materials.model import Model
 from burnish.materials.models.ashikhmin_shirley import (
     AshikhminShirleyRatio,
@@ -62,6 +69,11 @@ MODELS: dict[str, type[Model]] = {
         BeardMaxwellSurface,
         BeardMaxwellVolume,
         FresnelCurve,
+        MeasuredDiffuse,
+        MeasuredSpecular,
+        MeasuredFresnel,
+        MeasuredHalf,
+        MeasuredIncident,
         PrincipledBase,
         PrincipledSheen,
         PrincipledSpecular,
