@@ -17,8 +17,11 @@ SQUARE = 8
 """Pixels of a side of the squares that blocks are compressed in; tiles are multiples."""
 
 TILE_SIDES = (128, 96, 64, 48, 32, 16, 8)
-TILE_BYTES = 1 << 30
+TILE_BYTES = 2 << 30
 MEMORY_BYTES = 8 << 30
+DIRECTIONS = 0.25
+"""Row directions that a compressed square keeps, as a share of its rows: 16 of 64 is what
+the compression's limit leaves at thousands of samples, fewer at less."""
 
 
 def basis_for(
@@ -92,13 +95,14 @@ def row_bytes(basis: Basis, rows: Rows) -> np.ndarray:
 def check_memory(basis: Basis, rows: Rows, pixels: int) -> None:
     """Refuse a bake whose editing would not fit in MEMORY_BYTES.
 
-    The largest frozen form holds every row with the powers of one object. Raises TooLarge.
+    The largest frozen form holds one object's columns with the powers of its variables, for
+    the row directions of its squares, and every other row's powers. Raises TooLarge.
     """
     powers = basis.bounces * (1 + basis.coarse_bins if basis.coarse else 1)
     worst = 0.0
     for i in range(len(basis.objects)):
         own = (rows.object == i) & ~rows.indirect
-        worst = max(worst, float(own.sum()) * basis.columns(i) * powers * 12)
+        worst = max(worst, float(own.sum()) * DIRECTIONS * basis.columns(i) * powers * 12)
     need = worst + len(rows) * powers * 12 + pixels * 24
     if need > MEMORY_BYTES:
         raise TooLarge(
