@@ -24,6 +24,7 @@ from burnish.core.version import __version__
 if TYPE_CHECKING:
     from burnish.app.comparison import Comparison
     from burnish.core.types import Float32, Progress
+    from burnish.materials.layer import Material
     from burnish.scene import Scene
     from burnish.session import Fit, FitOptions, FitStep, Session
     from burnish.store.bundle import Bundle
@@ -50,6 +51,7 @@ def load(
     *,
     resolution: tuple[int, int] | None = None,
     by_bsdf: bool = False,
+    materials: Mapping[str, Material] | None = None,
     **parameters: object,
 ) -> Scene:
     """Load a scene: a Mitsuba 3 XML file, a Mitsuba dictionary or an example's name.
@@ -57,6 +59,7 @@ def load(
     editable: ids of the objects to keep editable, all that can be without it. variant:
     Mitsuba variant, chosen by itself without it. resolution: width and height in pixels
     instead of the films' own. by_bsdf: one object for all shapes that share a BSDF.
+    materials: by object id, materials to give objects in place of what the scene says.
     parameters: values for `$name` in the file.
 
     >>> scene = burnish.load("kitchen.xml", resolution=(640, 360))   # doctest: +SKIP
@@ -67,7 +70,15 @@ def load(
     """
     from burnish.scene import load
 
-    return load(scene, editable, variant, resolution=resolution, by_bsdf=by_bsdf, **parameters)
+    return load(
+        scene,
+        editable,
+        variant,
+        resolution=resolution,
+        by_bsdf=by_bsdf,
+        materials=materials,
+        **parameters,
+    )
 
 
 def bake(
