@@ -5,6 +5,8 @@ export const enum Kind {
   Picture = 0,
   Objects = 1,
   Comparison = 2,
+  /** The picture denoised: for the eye, never for what is saved or compared. */
+  Resting = 3,
 }
 
 export interface Frame {

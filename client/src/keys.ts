@@ -29,6 +29,7 @@ export function listen(): void {
       e: () => (model.exposure.value += event.shiftKey ? -0.5 : 0.5),
       k: keepLook,
       w: () => (model.comparison.value = model.comparison.value === "wipe" ? "off" : "wipe"),
+      d: model.toggleDenoise,
       g: () => (model.histogramOpen.value = !model.histogramOpen.value),
       h: () => (model.panelsHidden.value = !model.panelsHidden.value),
       "?": () => (model.helpOpen.value = true),

@@ -237,6 +237,11 @@ export const inspect = (theta: number): void =>
 export const loadEdits = (text: string): void => connection.send({ type: "LoadEdits", text });
 export const recover = (accept: boolean): void => connection.send({ type: "Recover", accept });
 
+/** Denoise pictures at rest, or not, where that is possible. */
+export function toggleDenoise(): void {
+  if (!welcome.value?.denoiser) connection.send({ type: "Denoise", active: !progress.value?.denoise });
+}
+
 // -- comparing -----------------------------------------------------------------------------
 
 export const takeSnapshot = (label: string, view: string, thumbnail: string): void =>

@@ -12,6 +12,7 @@ const KEYS: [string, string][] = [
   ["K", "Keep this look"],
   ["W", "Wipe between the edited and the other picture"],
   ["B (hold)", "Show the other picture"],
+  ["D", "Denoise the picture at rest, or not"],
   ["G", "Histogram"],
   ["H", "Hide or show the panels"],
   ["Esc", "Deselect"],

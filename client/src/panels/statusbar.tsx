@@ -10,6 +10,9 @@ const STOPS_LOW = -8;
 const STOPS_HIGH = 4;
 const BINS = 96;
 const PAUSE_MS = 200;
+const NOISE =
+  "Relative error (root mean square, linear light, without lamps in view) that noise leaves in the picture before denoising: " +
+  "estimated from how much the last two published pictures differ, and falling with the square root of the samples";
 
 export function StatusBar() {
   const probe = model.probe.value;
@@ -34,7 +37,17 @@ export function StatusBar() {
         <span class="probe faint">Point at the picture for pixel values</span>
       )}
       <span class="spacer" />
-      {progress?.text && <span>{progress.text}</span>}
+      {progress?.text && (
+        <span class="refining" title="Samples per pixel of the live picture; it goes on refining, and edits keep every sample of the selected object">
+          {progress.text}
+        </span>
+      )}
+      {progress && progress.noise >= 0 && (
+        <span class="noise" title={NOISE}>
+          noise ±{(progress.noise * 100).toPrecision(2)} %
+        </span>
+      )}
+      <DenoiseToggle />
       {progress && progress.fraction >= 0 && progress.fraction < 1 && <progress max={1} value={progress.fraction} />}
       {progress && progress.frames_per_second > 0 && <span class="fixed-width">{progress.frames_per_second.toFixed(0)} fps</span>}
       <span class="fixed-width" title="Picture pixels to screen pixels (F fits, 1 shows them one to one)">
@@ -44,6 +57,22 @@ export function StatusBar() {
         Histogram
       </button>
     </footer>
+  );
+}
+
+/** Whether live pictures are denoised while nothing is edited. */
+function DenoiseToggle() {
+  const missing = model.welcome.value?.denoiser ?? "";
+  const on = !missing && (model.progress.value?.denoise ?? false);
+  return (
+    <button
+      aria-pressed={on}
+      disabled={!!missing}
+      title={missing || "Denoise the picture at rest while it is noisy; never what is dragged, saved or compared (D)"}
+      onClick={model.toggleDenoise}
+    >
+      Denoise at rest
+    </button>
   );
 }
 

@@ -10,6 +10,8 @@ export interface Look {
   gain: RGB;
   operator: number;
   comparison: number;
+  /** Show the denoised picture in place of the noisy one. */
+  resting: boolean;
   wipe: number;
   hovered: number;
   selected: number;
@@ -56,10 +58,11 @@ export class Renderer {
       [Kind.Picture]: slot(gl),
       [Kind.Objects]: slot(gl),
       [Kind.Comparison]: slot(gl),
+      [Kind.Resting]: slot(gl),
     };
     gl.clearColor(...SURROUND, 1);
     gl.bindVertexArray(gl.createVertexArray());
-    for (const kind of [Kind.Picture, Kind.Objects, Kind.Comparison]) {
+    for (const kind of [Kind.Picture, Kind.Objects, Kind.Comparison, Kind.Resting]) {
       this.upload({ kind, view: 0, width: 1, height: 1, frame: 0, revision: 0, arrived: 0, pixels: new Uint16Array(3) });
     }
   }
@@ -126,6 +129,7 @@ export class Renderer {
       smaller: look.zoom < 1,
     });
     gl.useProgram(program);
+    gl.uniform1i(at.picture, look.resting && look.comparison === 0 ? Kind.Resting : Kind.Picture);
     gl.uniform1f(at.height, canvas.height);
     gl.uniform2f(at.size, width, height);
     gl.uniform2f(at.origin, ...look.origin);
@@ -149,7 +153,6 @@ export class Renderer {
       UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]),
     ) as Program["at"];
     gl.useProgram(program);
-    gl.uniform1i(at.picture, Kind.Picture);
     gl.uniform1i(at.objects, Kind.Objects);
     gl.uniform1i(at.other, Kind.Comparison);
     const made = { program, at };
@@ -171,7 +174,7 @@ export class Renderer {
     const before: [number, number] = [this.canvas.width, this.canvas.height];
     this.canvas.width = w;
     this.canvas.height = h;
-    this.draw({ ...look, origin: [0, 0], zoom: 1, comparison: 0, hovered: 0, glow: 0 });
+    this.draw({ ...look, origin: [0, 0], zoom: 1, comparison: 0, resting: false, hovered: 0, glow: 0 });
     target.getContext("2d")?.drawImage(this.canvas, 0, 0, target.width, target.height);
     [this.canvas.width, this.canvas.height] = before;
     this.draw(look);

@@ -75,6 +75,7 @@ class Controller implements ViewHandle {
   private fitted = true;
   private objects: Uint16Array | null = null;
   private picture16: Frame | null = null;
+  private resting: Frame | null = null;
   private waitingToShow: Frame[] = [];
   private scheduled = false;
   private glowUntil = 0;
@@ -123,6 +124,7 @@ class Controller implements ViewHandle {
           lastSelected = now;
           if (!still.matches) this.glowUntil = performance.now() + GLOW_MS;
         }
+        if (!model.progress.value?.resting) this.resting = null;
         // Everything that the look reads; a change of any of it draws anew.
         gainOf();
         void [model.operator.value, model.comparison.value, model.wipe.value, model.hovered.value];
@@ -174,6 +176,7 @@ class Controller implements ViewHandle {
       this.waitingToShow.push(frame);
       this.onFirst();
     }
+    if (frame.kind === Kind.Resting) this.resting = frame;
     this.renderer.upload(frame);
     this.schedule();
   }
@@ -199,6 +202,8 @@ class Controller implements ViewHandle {
       gain: gainOf(),
       operator: Math.max(OPERATORS.indexOf(model.operator.value as (typeof OPERATORS)[number]), 0),
       comparison: COMPARISONS.indexOf(model.comparison.value),
+      // Of this very state: while something is dragged the picture is newer.
+      resting: this.resting !== null && this.resting.revision === this.picture16?.revision,
       wipe: model.wipe.value,
       hovered: numberOf(model.hovered.value),
       selected: numberOf(model.selected.value[0] ?? ""),

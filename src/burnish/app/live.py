@@ -8,8 +8,8 @@ import multiprocessing
 import shutil
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,6 +76,7 @@ class LiveStudio:
         self._request: w.Select | None = None
         self._failure: w.Failed | None = None
         self._closed = False
+        self._outbox: deque[object] = deque()
         self.restarts = 0
         self.views: dict[str, LiveView] = {}
         self.opened = self._start()
@@ -109,9 +110,8 @@ class LiveStudio:
             self.close()
             raise SceneError(answer.text)
         assert isinstance(answer, w.Opened)
-        threading.Thread(
-            target=self._listen, args=(ours,), name="burnish-live", daemon=True
-        ).start()
+        for target in (self._listen, self._post):
+            threading.Thread(target=target, args=(ours,), name="burnish-live", daemon=True).start()
         return answer
 
     def _listen(self, pipe: Connection) -> None:
@@ -123,8 +123,25 @@ class LiveStudio:
             with self._changed:
                 self._receive(message)
                 self._changed.notify_all()
+        self._give_up_jobs("the tracing process ended; try again")
         if not self._closed:
             self._restart()
+
+    def _post(self, pipe: Connection) -> None:
+        """Send what waits: the worker reads between passes, and nobody may wait for that."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(
+                    lambda: self._outbox or self._closed or self._pipe is not pipe
+                )
+                if self._closed or self._pipe is not pipe:
+                    return
+                message = self._outbox.popleft()
+            try:
+                pipe.send(message)
+            except OSError:  # the listener sees it too, and starts another worker
+                self._give_up_jobs("the tracing process ended; try again")
+                return
 
     def _receive(self, message: object) -> None:
         current = self._request.serial if self._request else 0
@@ -134,7 +151,7 @@ class LiveStudio:
             self.views[message.view].publish(message)
         elif isinstance(message, w.Failed) and message.serial == current:
             self._failure = message
-        elif isinstance(message, w.Pictured):
+        elif isinstance(message, w.Pictured) and message.job in self._jobs:
             self._jobs[message.job] = message
         elif isinstance(message, w.Progressed) and message.job in self._progress:
             self._progress[message.job](message.fraction, message.what)
@@ -142,11 +159,6 @@ class LiveStudio:
     def _restart(self) -> None:
         """Bring a dead worker back with the selection that it had."""
         self.restarts += 1
-        with self._changed:
-            for job, done in self._jobs.items():
-                if done is None:
-                    self._jobs[job] = w.Pictured(job, None, "the tracing process ended; try again")
-            self._changed.notify_all()
         try:
             self._start()
         except BurnishError as error:
@@ -156,19 +168,34 @@ class LiveStudio:
                 self._changed.notify_all()
             return
         with self._changed:
-            if self._request is not None:
+            waiting = any(isinstance(message, w.Select) for message in self._outbox)
+            if self._request is not None and not waiting:
                 self._send(self._request)
 
     def _send(self, message: object) -> None:
-        # When the pipe has ended, the listener sees it and starts another worker
-        with suppress(OSError):
-            self._pipe.send(message)
+        """Queue a message; it replaces a waiting one that it makes pointless."""
+        with self._changed:
+            if isinstance(message, (w.Select, w.Follow)):
+                waiting = [m for m in self._outbox if not isinstance(m, type(message))]
+                self._outbox = deque(waiting)
+            self._outbox.append(message)
+            self._changed.notify_all()
+
+    def _give_up_jobs(self, why: str) -> None:
+        with self._changed:
+            for job, done in self._jobs.items():
+                if done is None:
+                    self._jobs[job] = w.Pictured(job, None, why)
+            self._changed.notify_all()
 
     def close(self) -> None:
         """End the worker and free what it had mapped."""
         self._closed = True
         self._process.terminate()
         self._process.join(timeout=5.0)
+        if self._process.is_alive():
+            self._process.kill()
+        self._give_up_jobs("the session was closed")
         shutil.rmtree(self._folder, ignore_errors=True)
 
     # -- what a session asks ----------------------------------------------------------------
@@ -198,7 +225,8 @@ class LiveStudio:
             return
         for view in self.views.values():
             view.forget()
-        self._failure = None
+        if self._failure is not None and not self._failure.lasting:
+            self._failure = None
         self._request = w.Select(next(self._serials), targets, dict(state), edited)
         self._send(self._request)
 
@@ -208,12 +236,18 @@ class LiveStudio:
             done = self._changed.wait_for(
                 lambda: view.samples > 0 or self._failure is not None, PATIENCE_SECONDS
             )
-            if self._failure is not None:
-                failure, self._request = self._failure, None
-                self._failure = None
-                raise SceneError(f"tracing failed: {failure.text}")
+            self.check()
             if not done:
                 raise SceneError("the tracing process does not answer; reopen the scene")
+
+    def check(self) -> None:
+        """Raises SceneError in the worker's words when the selection could not be traced."""
+        failure = self._failure
+        if failure is not None:
+            self._request = None
+            if not failure.lasting:
+                self._failure = None
+            raise SceneError(f"tracing failed: {failure.text}")
 
     @property
     def lock(self) -> threading.Condition:
@@ -230,6 +264,11 @@ class LiveStudio:
     ) -> Float32:
         """The path tracer's picture, made by the worker: float32 [height, width, 3]."""
         return self._picture(lambda job: w.Render(job, dict(state), view, spp, seed), progress)
+
+    @property
+    def denoiser_missing(self) -> str:
+        """Why the worker cannot denoise, or ""."""
+        return self.opened.denoiser_missing
 
     def denoise(self, image: Float32, view: str) -> Float32:
         """A noisy picture of a view, cleaned by the worker: float32 [height, width, 3]."""
@@ -271,6 +310,17 @@ class LiveView:
         """Directly seen emission: float32 [height, width, 3], linear RGB."""
         pixels = self.width * self.height
         return self._data[3 * pixels : 6 * pixels].reshape(self.height, self.width, 3)
+
+    def ready(self, targets: tuple[int, ...], state: State) -> bool:
+        """Whether `freeze` answers at once; begins what it would wait for.
+
+        Raises SceneError in the worker's words.
+        """
+        ids = tuple(self.basis.objects[i].id for i in targets)
+        with self._studio.lock:
+            self._studio.select(ids, state)
+            self._studio.check()
+            return self.samples > 0
 
     def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
         """The current estimate; waits for the first samples of a new selection."""

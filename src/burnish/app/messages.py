@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 1
+VERSION = 2
 """Grows when a message changes; a page that speaks another version is asked to reload."""
 
 MAXIMUM_MESSAGE_BYTES = 4 * 1024 * 1024
@@ -210,6 +210,13 @@ class Inspect(ClientMessage):
     theta_i: float
 
 
+@dataclass(frozen=True)
+class Denoise(ClientMessage):
+    """Show noisy live pictures denoised while nothing is edited, or as they are."""
+
+    active: bool
+
+
 # -- from the server -----------------------------------------------------------------------
 
 
@@ -298,7 +305,7 @@ class ServerMessage:
 
 @dataclass(frozen=True)
 class Welcome(ServerMessage):
-    """Answers Hello. path_tracer: why there is none, or "" when there is one.
+    """Answers Hello. path_tracer, denoiser: why there is none, or "" when there is one.
     tone_mappings: the names that saved pictures may use."""
 
     version: int
@@ -307,6 +314,7 @@ class Welcome(ServerMessage):
     objects: tuple[ObjectData, ...]
     views: tuple[ViewData, ...]
     path_tracer: str
+    denoiser: str
     tone_mappings: tuple[str, ...]
 
 
@@ -356,11 +364,18 @@ class Appearance(ServerMessage):
 
 @dataclass(frozen=True)
 class Progress(ServerMessage):
-    """How far the estimate is. fraction: 0 to 1, below 0 where there is no end."""
+    """How far the estimate is. fraction: 0 to 1, below 0 where there is no end. samples: per
+    pixel of live views, below 0 for a bundle. noise: the relative error by noise that they
+    leave, below 0 while unknown. denoise: whether that is asked for. resting: whether
+    pictures are so noisy that denoised ones stand in for them at rest."""
 
     text: str
     fraction: float
     frames_per_second: float
+    samples: int
+    noise: float
+    denoise: bool
+    resting: bool
 
 
 @dataclass(frozen=True)
@@ -410,9 +425,10 @@ class FrameHeader:
     """The 32 bytes before a picture's pixels: eight little-endian uint32 in this order.
 
     kind: what it is (0 the picture, 1 the object under each pixel, 2 the other side of a
-    comparison). view: index into Welcome.views. codec: 0 float16 rows, 1 the same with each
-    row's differences split into byte planes and deflated; object numbers are uint16, coded
-    likewise. revision: of the state that the picture shows.
+    comparison, 3 the picture denoised, for the eye alone). view: index into Welcome.views.
+    codec: 0 float16 rows, 1 the same with each row's differences split into byte planes and
+    deflated; object numbers are uint16, coded likewise. revision: of the state that the
+    picture shows.
     """
 
     magic: int
@@ -428,7 +444,7 @@ class FrameHeader:
 CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
     Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetEnabled, SetWeight, Solo,
     Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot, ForgetSnapshot, CompareSnapshot,
-    PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
+    PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect, Denoise,
 )  # fmt: skip
 
 SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (

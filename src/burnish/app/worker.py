@@ -9,6 +9,7 @@ older or newer, is an unbiased estimate.
 from __future__ import annotations
 
 import os
+import signal
 import time
 import traceback
 from collections.abc import Callable
@@ -31,7 +32,8 @@ ENOUGH_SAMPLES = 1 << 16
 
 @dataclass(frozen=True)
 class Opened:
-    """The scene is loaded. objects: (id, editable, reason) of all of them."""
+    """The scene is loaded. objects: (id, editable, reason) of all of them; denoiser_missing:
+    why nothing can be denoised, or ""."""
 
     name: str
     basis: Basis
@@ -39,6 +41,7 @@ class Opened:
     views: tuple[tuple[str, int, int], ...]
     rows: dict[str, Rows]
     warnings: tuple[str, ...]
+    denoiser_missing: str
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,8 @@ class Failed:
 
 def main(pipe: Connection, source: Any, options: dict[str, Any], folder: str) -> None:
     """Serve until the pipe closes. source, options: as `burnish.scene.load` takes them."""
+    # Ctrl+C reaches us too; the process that we serve decides when we end
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(19)
     try:
@@ -169,6 +174,7 @@ class _Worker:
     def __init__(
         self, pipe: Connection, source: Any, options: dict[str, Any], folder: Path
     ) -> None:
+        from burnish.precompute.denoise import available
         from burnish.precompute.live import first_rows
         from burnish.precompute.plan import basis_for
         from burnish.scene import load
@@ -194,6 +200,7 @@ class _Worker:
                 tuple((view.name, view.width, view.height) for view in scene.views),
                 {view.name: first_rows(scene, view, self.basis) for view in scene.views},
                 tuple(scene.warnings),
+                "" if available() else "Needs Open Image Denoise: pip install pyoidn",
             )
         )
 
@@ -294,11 +301,15 @@ class _Worker:
         return name if self.estimates[name].samples < ENOUGH_SAMPLES else None
 
     def _refine(self) -> None:
+        import drjit as dr
+
         view = self._unfinished()
         if view is None or self.paused:
             return
         estimate = self.estimates[view]
         estimate.step()
+        # Kernels only queue up by themselves, and a message would wait for the whole queue
+        dr.sync_thread()
         samples, when = self.published.get(view, (0, 0.0))
         # At once while there is little to see, then once a second
         if samples < 16 or time.monotonic() - when >= PUBLISH_SECONDS:

@@ -43,6 +43,11 @@ class ViewPictures:
             self._frozen = _Frozen(targets, state, frozen.revision, Renderer(frozen))
         return self._frozen.renderer
 
+    def ready(self, targets: tuple[int, ...], state: State) -> bool:
+        """Whether `renderer` answers at once; a live transport begins what it would wait for."""
+        ready = getattr(self.transport, "ready", None)
+        return ready is None or bool(ready(targets, state))
+
     def _holds(self, frozen: _Frozen, targets: tuple[int, ...], state: State) -> bool:
         if frozen.targets != targets or frozen.revision != self.transport.revision:
             return False

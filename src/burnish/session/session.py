@@ -174,7 +174,8 @@ class Session:
         before, self._selected = self._selected, chosen
         if len(chosen) > 1:
             try:
-                self.renderer()
+                if self.ready():
+                    self.renderer()
             except TooLarge:
                 self._selected = before
                 raise
@@ -304,10 +305,17 @@ class Session:
         """
         return self.renderer(view).image(self._history.state)
 
+    def ready(self, view: str | None = None) -> bool:
+        """Whether `frame` answers at once.
+
+        Where it does not, a live session begins to trace what is missing: ask again. Raises
+        UnknownName, SceneError when that has failed.
+        """
+        return self._view(view).ready(self._targets(), self._history.state)
+
     def renderer(self, view: str | None = None) -> Renderer:
         """The renderer of the present selection, for gradients."""
-        targets = tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
-        return self._view(view).renderer(targets, self._history.state)
+        return self._view(view).renderer(self._targets(), self._history.state)
 
     def gradient(
         self,
@@ -411,6 +419,9 @@ class Session:
         self.load_text(text, path.name)
 
     # -- inside -----------------------------------------------------------------------------
+
+    def _targets(self) -> tuple[int, ...]:
+        return tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
 
     def _view(self, view: str | None) -> ViewPictures:
         if view is None:

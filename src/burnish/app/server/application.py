@@ -10,6 +10,7 @@ import asyncio
 import logging
 import secrets
 import tempfile
+import time
 from collections.abc import Awaitable, Callable, MutableMapping
 from contextlib import suppress
 from pathlib import Path
@@ -34,6 +35,7 @@ log = logging.getLogger("burnish.editor")
 
 STATIC = Path(__file__).resolve().parent.parent / "static"
 _HELLO_SECONDS = 10.0
+_TRACING_SECONDS = 60.0
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -132,10 +134,17 @@ class Connection:
         """The picture as a float32 EXR in linear RGB."""
         from burnish.app.pictures import write_picture
 
-        session = self._engine.session
-        view = request.query_params.get("view", self._engine.views[0])
+        session, engine = self._engine.session, self._engine
+        view = request.query_params.get("view", engine.views[0])
+        end = time.monotonic() + _TRACING_SECONDS
         try:
-            image = await asyncio.wrap_future(self._engine.call(lambda: session.frame(view)))
+            while True:
+                call = engine.call(lambda: engine.finished_picture(view))
+                if (image := await asyncio.wrap_future(call)) is not None:
+                    break
+                if time.monotonic() > end:
+                    return PlainTextResponse("The picture is still being traced.\n", 503)
+                await asyncio.sleep(0.1)
         except BurnishError as error:
             return PlainTextResponse(f"{error}\n", 404)
         with tempfile.TemporaryDirectory(prefix="burnish-") as folder:

@@ -2,7 +2,8 @@
 
 One round: carry out everything that has arrived (a parameter that was dragged through
 twenty values since the last round is set once, to the last), then compute each changed view
-that some page is ready to show. Plots, autosave and error metrics wait for a pause.
+that some page is ready to show. Plots, autosave, denoising and error metrics wait for a pause.
+A live view that has no samples yet is asked again; the last picture stays until it has.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from burnish.app.server import describe
 from burnish.app.server.frames import Frame, Kind, halves
 from burnish.app.server.mailbox import Mailbox
 from burnish.app.server.plots import Plots, Subject
+from burnish.app.server.resting import ENOUGH_SAMPLES, Cleaned, NoiseMeter, Resting, samples_of
 from burnish.app.server.snapshots import Snapshots
 from burnish.app.server.tracing import Tracing
 from burnish.core.errors import BurnishError, InvalidValue, UnknownName
@@ -49,6 +51,10 @@ class Engine:
         self.views = tuple(session.views)
         self.snapshots = Snapshots()
         self.tracing = Tracing(session, self._reference_changed)
+        self.resting = Resting(session, lambda done: self._cleaned(done))
+        self._resting_frames: dict[str, Frame] = {}
+        self._meters = {name: NoiseMeter() for name in self.views}
+        self._waiting: set[str] = set()
         self._plots = Plots(self._to_all)
         self._boxes: list[Mailbox] = []
         self._queue: deque[tuple[Mailbox | None, Any]] = deque()
@@ -236,6 +242,9 @@ class Engine:
                 if not 0.0 <= theta_i <= 89.0:
                     raise InvalidValue(f"theta_i must lie in [0, 89] degrees; got {theta_i:g}")
                 self._theta_i = theta_i
+            case m.Denoise(active=active):
+                self.resting.wanted = active
+                self.resting.forget()
             case _:
                 raise InvalidValue(f"{type(item).__name__} cannot be sent twice")
 
@@ -284,6 +293,7 @@ class Engine:
                 objects=self._objects,
                 views=tuple(describe.view(name, self.session.views[name]) for name in self.views),
                 path_tracer=self.tracing.unavailable,
+                denoiser=self.resting.unavailable,
                 tone_mappings=tuple(tonemap.OPERATORS),
             )
         )
@@ -298,7 +308,7 @@ class Engine:
         for name, (_, frame) in self._object_frames.items():
             if box.watches(self._view_index(name)):
                 box.put_frame(frame)
-        for frame in self._frames.values():
+        for frame in (*self._frames.values(), *self._resting_frames.values()):
             if box.watches(frame.view):
                 box.put_frame(frame)
         reference = self.tracing.image
@@ -348,12 +358,20 @@ class Engine:
             self._to_all(self.tracing.message(self.session.revision))
         self._state_key = key
 
+    def _look_key(self) -> tuple[int, tuple[str, ...]]:
+        """What a live picture is of; a bundle's does not depend on the selection."""
+        return self.session.revision, tuple(self.session.selected)
+
     def _frame_key(self, view: str) -> object:
-        return self.session.revision, self.session.views[view].revision
+        transport = self.session.views[view]
+        look = self._look_key() if samples_of(transport) >= 0 else self.session.revision
+        return look, transport.revision
 
     def _wanted(self) -> bool:
-        """Whether some page waits for a view that has changed."""
-        return any(self._due(i, view) for i, view in enumerate(self.views))
+        """Whether some page waits for a view that has changed and can be shown."""
+        return any(
+            view not in self._waiting and self._due(i, view) for i, view in enumerate(self.views)
+        )
 
     def _due(self, index: int, view: str) -> bool:
         return self._frame_keys.get(view) != self._frame_key(view) and any(
@@ -362,15 +380,21 @@ class Engine:
 
     def _publish_frames(self) -> None:
         for index, view in enumerate(self.views):
+            self._waiting.discard(view)
             if not self._due(index, view):
                 continue
             key = self._frame_key(view)
-            self._frame_keys[view] = key
             try:
+                if not self.session.ready(view):
+                    self._waiting.add(view)
+                    continue
+                self._frame_keys[view] = key
                 image = self.session.frame(view)
+                self._measure(view, image)
                 frame = self._new_frame(Kind.PICTURE, view, image)
                 self._publish_objects(index, view)
             except Exception as error:
+                self._frame_keys[view] = key
                 log.exception("view %s failed", view)
                 words = str(error) if isinstance(error, BurnishError) else repr(error)
                 self._to_all(
@@ -407,6 +431,8 @@ class Engine:
                 if box.watches(frame.view):
                     box.put_frame(self._object_frames[view][1])
                     box.put_frame(frame)
+                    if view in self._resting_frames:
+                        box.put_frame(self._resting_frames[view])
 
         self.call(job)
 
@@ -424,6 +450,11 @@ class Engine:
         self._view_index(view)
         return view, self.session.frame(view)
 
+    def finished_picture(self, view: str) -> Float32 | None:
+        """The picture of a view, not denoised; None while a new selection is being traced."""
+        self._view_index(view)
+        return self.session.frame(view) if self.session.ready(view) else None
+
     # -- in a pause -------------------------------------------------------------------------
 
     def _at_rest(self) -> None:
@@ -432,9 +463,58 @@ class Engine:
         if self._queue or now - self._last_edit < _REST_SECONDS:
             return
         self._draw_plots()
-        self.tracing.compare_at_rest(self.session.revision, self._frame_of)
+        self._rest(now)
+        self._compare()
         if now - self._last_edit > _AUTOSAVE_SECONDS:
             self._save_automatically()
+
+    def _compare(self) -> None:
+        """Hold the picture against the reference, again when a live one has doubled."""
+        view = self.tracing.compared_view
+        if view is not None and self.session.ready(view):
+            doublings = samples_of(self.session.views[view]).bit_length()
+            self.tracing.compare_at_rest(self.session.revision, doublings, self._frame_of)
+
+    def _rest(self, now: float) -> None:
+        """Have noisy pictures of the present look cleaned."""
+        if not self.resting.active:
+            return
+        for index, view in enumerate(self.views):
+            transport = self.session.views[view]
+            key, revision = self._look_key(), transport.revision
+            if (
+                0 < samples_of(transport) < ENOUGH_SAMPLES
+                and any(box.watches(index) for box in self._boxes)
+                and self.resting.due(view, key, revision, now)
+                and self.session.ready(view)
+            ):
+                self.resting.begin(view, key, revision, self.session.frame(view), now)
+
+    def _cleaned(self, done: Cleaned | str) -> None:
+        """A cleaned picture is there, or why there is none; from the denoiser's thread."""
+
+        def job() -> None:
+            if isinstance(done, str):
+                if self.resting.unavailable:
+                    self._to_all(m.Notice("warning", f"Pictures cannot be denoised: {done}"))
+            elif done.key == self._look_key():
+                frame = self._new_frame(Kind.RESTING, done.view, done.image)
+                self._resting_frames[done.view] = frame
+                for box in list(self._boxes):
+                    if box.watches(frame.view):
+                        box.put_frame(frame)
+
+        self.call(job)
+
+    def _measure(self, view: str, image: Float32) -> None:
+        """Keep the estimate of a live view's noise."""
+        transport, meter = self.session.views[view], self._meters[view]
+        if (samples := samples_of(transport)) < 0:
+            return
+        if time.monotonic() - self._last_edit < _REST_SECONDS:
+            meter.edited(self._look_key())
+        else:
+            meter.take(self._look_key(), samples, image, transport.emission)
 
     def _publish_curves(self) -> None:
         """The selected object's curves as they are now; cheap enough for every round."""
@@ -464,11 +544,18 @@ class Engine:
         recent = [t for t in times if time.monotonic() - t < 1.0]
         rate = (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 2 else 0.0
         # A bundle is as good as it will get; a live view counts its samples.
-        samples = getattr(self.session.views[self.views[0]], "samples", None)
+        watched = [v for i, v in enumerate(self.views) if any(b.watches(i) for b in self._boxes)]
+        view = min(watched or self.views[:1], key=lambda name: samples_of(self.session.views[name]))
+        samples = samples_of(self.session.views[view])
+        noise = self._meters[view].noise(samples)
         message = m.Progress(
-            text="" if samples is None else f"{samples} samples per pixel",
-            fraction=1.0 if samples is None else -1.0,
+            text=_progress_text(samples, view in self._waiting),
+            fraction=1.0 if samples < 0 else -1.0,
             frames_per_second=round(rate, 1),
+            samples=samples,
+            noise=float(f"{noise:.2g}"),
+            denoise=self.resting.active,
+            resting=self.resting.active and 0 <= samples < ENOUGH_SAMPLES,
         )
         if message != self._progress:
             self._progress = message
@@ -538,6 +625,15 @@ def _left_behind(autosave: Path | None) -> str | None:
         return autosave.read_text("utf-8")
     except (OSError, UnicodeDecodeError):
         return None
+
+
+def _progress_text(samples: int, waiting: bool) -> str:
+    if samples < 0:
+        return ""
+    if waiting or samples == 0:
+        return "tracing the selection …"
+    words = f"{samples} sample{'' if samples == 1 else 's'}"
+    return f"tracing … {words}" if samples < ENOUGH_SAMPLES else words
 
 
 def _slot(item: object) -> tuple[object, ...] | None:

@@ -30,6 +30,7 @@ class Kind(IntEnum):
     PICTURE = 0
     OBJECTS = 1
     COMPARISON = 2
+    RESTING = 3
 
 
 @dataclass(frozen=True)

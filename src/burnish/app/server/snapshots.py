@@ -41,6 +41,8 @@ class Snapshots:
             raise InvalidValue("thumbnail must be a PNG, JPEG or WebP data URL below 200 kB")
         if len(self._items) >= _MOST:
             raise InvalidValue(f"{_MOST} looks are kept at most; delete one first")
+        if not session.ready(view):
+            raise InvalidValue("the selection is still being traced; keep the look in a moment")
         image = session.frame(view).copy()
         self._last += 1
         data = SnapshotData(self._last, label[:80] or f"Look {self._last}", thumbnail)

@@ -37,7 +37,7 @@ class _Run:
     halves: tuple[Float64, Float64] | None = None
     status: str = "running"
     text: str = ""
-    compared: tuple[int, int] | None = None
+    compared: tuple[int, int, int] | None = None
 
 
 class Tracing:
@@ -108,14 +108,26 @@ class Tracing:
             text=run.text,
         )
 
-    def compare_at_rest(self, revision: int, frame_of: Callable[[str], Picture]) -> None:
-        """Measure the session's picture against the reference, once per pair."""
+    @property
+    def compared_view(self) -> str | None:
+        """The view of a finished reference, or None."""
+        run = self._run
+        done = run is not None and run.halves is not None and run.status != "running"
+        return run.view if run is not None and done else None
+
+    def compare_at_rest(
+        self, revision: int, quality: int, frame_of: Callable[[str], Picture]
+    ) -> None:
+        """Measure the session's picture against the reference, once per pair.
+
+        quality: a number that changes when the picture of one revision becomes a better one.
+        """
         run = self._run
         if run is None or run.halves is None or run.status == "running":
             return
-        if run.compared == (revision, run.done):
+        if run.compared == (revision, quality, run.done):
             return
-        run.compared = (revision, run.done)
+        run.compared = (revision, quality, run.done)
         from burnish.compare import metrics
 
         _, image = frame_of(run.view)
