@@ -63,9 +63,12 @@ class Cells:
         cells = self.cells[low:high] - start * self.tails
         return Cells(self.values[:, low:high], cells, stop - start, self.tails)
 
-    def scaled(self, factor: Float32) -> Cells:
-        """Every column c times factor[c]."""
-        values = self.values * factor[self.cells // self.tails][None, :, None]
+    def scaled(self, columns: Float32, tails: Float32 | None = None) -> Cells:
+        """Every column c times columns[c], and every tail z times tails[z]."""
+        factor = columns[self.cells // self.tails]
+        if tails is not None:
+            factor = factor * tails[self.cells % self.tails]
+        values = self.values * factor[None, :, None]
         return Cells(values, self.cells, self.columns, self.tails)
 
     def dense(self) -> Float32:

@@ -32,7 +32,7 @@ import numpy as np
 from burnish.core.parallel import parallel_map
 from burnish.core.types import AnyArray, Float32, Float64, Int32
 from burnish.materials.coefficients import coarse_energies, energies
-from burnish.transport.basis import Basis, coarse_count
+from burnish.transport.basis import Basis, coarse_count, initial_state
 from burnish.transport.block import Block
 from burnish.transport.cells import Cells
 from burnish.transport.rows import Rows
@@ -87,20 +87,43 @@ def rgbe_bytes(T: Float32) -> int:
     return _RGBE_BYTES * int(np.count_nonzero(bits[..., 0] | bits[..., 1] | bits[..., 2]))
 
 
+def tail_scale(basis: Basis) -> Float32:
+    """1/w_z of every tail: float32 [z].
+
+    A coarse coefficient of the second encounter is like a column's: up to π/e_w for a lobe
+    that lies in bin w. Without weights the tails of narrow coarse bins were cut off as small
+    and then multiplied by hundreds.
+    """
+    result = np.ones(basis.tails, np.float32)
+    if basis.coarse:
+        energies = [
+            coarse_energies(layer, coarse_count(layer, basis.coarse_bins)) / np.pi
+            for item in basis.objects
+            for layer in item.material.layers
+        ]
+        result[1:] = np.repeat(
+            np.concatenate([column_scale_of(part) for part in energies]), len(basis.monomials)
+        )
+    return result
+
+
 def protected_tails(basis: Basis) -> Float32:
-    """Directions over the tails that a block keeps exactly: float32 [z, 1 or 2], orthonormal.
+    """Directions over the tails that a block keeps exactly: float32 [z, 1 to 3], orthonormal.
 
     The tails of a scene whose albedos are all one half; for the slower series the light that
-    met nothing further by itself. See the module's text for why.
+    met nothing further by itself, and the second encounters once with even curves and once
+    with the materials that the scene came with. See the module's text for why.
     """
     degree = basis.monomials.exponents.sum(axis=1)
     powers = 0.5**degree
     if not basis.coarse:
         return _orthonormal(powers[:, None])
-    further = np.concatenate([[0.0], np.tile(powers, len(basis.coarse))])
+    even = np.concatenate([[0.0], np.tile(powers, len(basis.coarse))])
+    own = basis.coarse_values(initial_state(basis.objects)).mean(axis=1)
+    given = np.concatenate([[0.0], np.outer(own, powers).ravel()])
     direct = np.zeros(basis.tails)
     direct[0] = 1.0
-    return _orthonormal(np.stack([direct, further], axis=1))
+    return _orthonormal(np.stack([direct, even, given], axis=1))
 
 
 def compress(
@@ -112,18 +135,24 @@ def compress(
     tolerance: float = DEFAULT_TOLERANCE,
     protected: Float32 | None = None,
     start: int = 0,
+    tails: Float32 | None = None,
 ) -> Block:
     """Compress the transport of one square's rows.
 
     T: float32 [r, c, z, 3], linear RGB. rows: int32 [r], what `Block.rows` will hold.
     column_scale: float32 [c], see `column_scale_of`. tolerance: the weighted relative L2
     error allowed; 0 keeps every number in float32. protected: see `protected_tails`. start:
-    the first of the columns c among the object's.
+    the first of the columns c among the object's. tails: float32 [z], see `tail_scale`; 1
+    without it.
     """
     cells = Cells.of(T, np.arange(len(T)))
     if protected is None:
         protected = _orthonormal(np.ones((T.shape[2], 1)))
-    return _compress(cells, object_index, indirect, rows, column_scale, tolerance, protected, start)
+    if tails is None:
+        tails = np.ones(T.shape[2], np.float32)
+    return _compress(
+        cells, object_index, indirect, rows, column_scale, tails, tolerance, protected, start
+    )
 
 
 def _compress(
@@ -132,6 +161,7 @@ def _compress(
     indirect: bool,
     rows: Int32,
     column_scale: Float32,
+    tail_scale: Float32,
     tolerance: float,
     protected: Float32,
     start: int,
@@ -141,13 +171,15 @@ def _compress(
     c, z = cells.columns, cells.tails
     if n == 0:
         return _empty((r, c, z, 3), object_index, indirect, rows, column_scale, start)
-    weighted = cells.scaled(np.reciprocal(column_scale))
     if tolerance <= 0.0:
+        weighted = cells.scaled(np.reciprocal(column_scale))
         return _lossless(weighted.dense(), object_index, indirect, rows, column_scale, start)
     # Directions over the tails that occur: the others are zero in S
     columns, column_of = np.unique(cells.cells // z, return_inverse=True)
     tails, tail_of = np.unique(cells.cells % z, return_inverse=True)
-    protected = _orthonormal(protected[tails])
+    weighted = cells.scaled(np.reciprocal(column_scale), np.reciprocal(tail_scale))
+    # What is kept exactly is a sum over unweighted tails
+    protected = _orthonormal(protected[tails] * tail_scale[tails, None])
     kept = protected.shape[1]
     limit = _affordable(r, c, z, rgbe_bytes(cells.values))
 
@@ -173,7 +205,7 @@ def _compress(
     spread = np.zeros((a, c, b, 3), np.float32)
     spread[:, columns] = small.reshape(b, len(columns), 3, a).transpose(3, 1, 0, 2)
     S = np.zeros((b, z), np.float32)
-    S[:, tails] = tail_basis[:, :b].T
+    S[:, tails] = tail_basis[:, :b].T * tail_scale[tails]
     return _scaled(row_basis[:, :a], spread, S, object_index, indirect, rows, column_scale, start)
 
 
@@ -198,6 +230,7 @@ def compress_tile(
         return []
     index, indirect = int(rows.object[which[0]]), bool(rows.indirect[which[0]])
     scale, protected = column_scale(basis, index, indirect), protected_tails(basis)
+    tails = tail_scale(basis)
     pieces = (basis.indirect_slices if indirect else basis.slices)(index)
     pixel = rows.pixel[which]
     square = (pixel // width // SQUARE).astype(np.int64) * (width // SQUARE + 1)
@@ -218,6 +251,7 @@ def compress_tile(
                 indirect,
                 which[members],
                 scale[piece.start : piece.stop],
+                tails,
                 tolerance,
                 protected,
                 piece.start,
