@@ -9,8 +9,8 @@ try:
 except (ImportError, NameError) as error:
     # Where a system library such as libatomic is missing, Dr.Jit answers with a NameError
     raise MissingRayTracer(
-        f"Mitsuba 3 cannot be imported here ({error.__context__ or error}); it is needed to load a scene or trace "
-        "rays: pip install mitsuba. A baked bundle opens and edits without it"
+        f"Mitsuba 3 cannot be imported here ({error.__context__ or error}); it is needed to load a "
+        "scene or trace rays: pip install mitsuba. A baked bundle opens and edits without it"
     ) from error
 
 from burnish.scene.loading import Scene, load
