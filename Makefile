@@ -11,7 +11,7 @@ READY := .venv/.ready
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make demo     bake an example, edit it, compare it with a path tracer"
+	@echo "make demo     the editor on an example, in the browser"
 	@echo "make test     lint, then run the tests"
 	@echo "make lint     ruff, mypy --strict, the import rules"
 	@echo "make format   let ruff rewrite the sources"

@@ -36,7 +36,7 @@ def test_example(path: Path, tmp_path: Path) -> None:
 
 def test_demo(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "burnish.app.demo", "--side", "32", "--spp", "16",
+        [sys.executable, "-m", "burnish.app.demo", "--bake", "--side", "32", "--spp", "16",
          "--truth-spp", "16"],
         cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
@@ -46,7 +46,7 @@ def test_demo(tmp_path: Path) -> None:
     assert all((tmp_path / name).stat().st_size > 0 for name in written)
     # The same again, over what the first run left
     again = subprocess.run(
-        [sys.executable, "-m", "burnish.app.demo", "--side", "16", "--spp", "4",
+        [sys.executable, "-m", "burnish.app.demo", "--bake", "--side", "16", "--spp", "4",
          "--truth-spp", "4"],
         cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip

@@ -1,4 +1,8 @@
-"""`make demo`: bake the Cornell box, make three edits, hold the last one against the truth."""
+"""`make demo`: open the editor on an example, live.
+
+With `--bake` instead: bake the Cornell box, make three edits, hold the last one against the
+truth, and leave pictures.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ import click
 import numpy as np
 
 import burnish
+from burnish.app import commands
 from burnish.app.cli import exit_code
 from burnish.app.pictures import write_picture, write_whole
 from burnish.app.progress import progress_bar
@@ -36,6 +41,12 @@ EDITS: tuple[tuple[str, dict[str, Value]], ...] = (
 
 STEPS = 12
 """Pictures of a drag."""
+
+
+def editor(scene: str) -> None:
+    """Open the editor on a scene with no bake, until Ctrl+C; its address is printed."""
+    click.echo(f"opening {scene} ...")
+    commands.edit(scene, None, "127.0.0.1", 0, no_browser=False)
 
 
 def demo(folder: Path, side: int, spp: int, truth_spp: int) -> None:
@@ -96,14 +107,19 @@ def drag(session: Session, settings: Mapping[str, Value]) -> tuple[Float32, list
 
 
 def main() -> None:
-    """Run the demo with the sizes of the command line."""
+    """Run the demo that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scene", nargs="?", default="teatray", help="what the editor opens")
+    parser.add_argument("--bake", action="store_true", help="bake and compare, with no editor")
     parser.add_argument("--folder", type=Path, default=Path("demo-output"))
     parser.add_argument("--side", type=int, default=256, help="pixels of a side")
     parser.add_argument("--spp", type=int, default=128, help="samples per pixel of the bake")
     parser.add_argument("--truth-spp", type=int, default=256, help="… of the path tracer")
     options = parser.parse_args()
-    sys.exit(exit_code(lambda: demo(options.folder, options.side, options.spp, options.truth_spp)))
+    if options.bake:
+        sizes = options.side, options.spp, options.truth_spp
+        sys.exit(exit_code(lambda: demo(options.folder, *sizes)))
+    sys.exit(exit_code(lambda: editor(options.scene)))
 
 
 if __name__ == "__main__":

@@ -84,9 +84,11 @@ class Resting:
         answer: Cleaned | str
         try:
             answer = Cleaned(view, key, denoiser.denoise(image, view))
+        except BurnishError as error:
+            answer = str(error)
         except Exception as error:
-            log.warning("denoising failed", exc_info=True)
-            answer = str(error) if isinstance(error, BurnishError) else repr(error)
+            log.exception("denoising failed")
+            answer = repr(error)
         # A worker that comes back may do it; one that never can is not asked for ever
         self._failures = self._failures + 1 if isinstance(answer, str) else 0
         if self._failures >= _FAILURES and isinstance(answer, str):
