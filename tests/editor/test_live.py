@@ -1,0 +1,231 @@
+"""The editor on a live session: a real worker traces, a real browser shows."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import burnish
+from burnish.app.live import LiveStudio, LiveView
+from burnish.app.server import EditorServer, application
+from burnish.core.types import Float32
+from burnish.runtime.tonemap import ToneMap
+from burnish.session import Session
+from tests.editor.browser import chromium, keep, pixels
+
+SIDE = 64
+SECONDS = 60.0
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if not (application.STATIC / "index.html").exists():
+        pytest.skip("the editor's page is not built: python client/build.py")
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Session]:
+    with burnish.edit("cornell-box", resolution=(SIDE, SIDE)) as live:
+        yield live
+
+
+@pytest.fixture
+def server(session: Session) -> Iterator[EditorServer]:
+    session.reset()
+    session.select()
+    with EditorServer(session) as running:
+        yield running
+
+
+@pytest.fixture
+def page(browser: Any, server: EditorServer) -> Iterator[Any]:
+    context = browser.new_context(
+        viewport={"width": 1280, "height": 720}, accept_downloads=True, reduced_motion="reduce"
+    )
+    page = context.new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+    page.goto(server.url)
+    page.get_by_text("Waiting for the first picture").wait_for(state="detached")
+    yield page
+    context.close()
+    assert not problems
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < end, "it did not come about"
+        time.sleep(0.02)
+
+
+def studio_of(session: Session) -> LiveStudio:
+    assert isinstance(session.truth, LiveStudio)
+    return session.truth
+
+
+def view_of(session: Session) -> LiveView:
+    return next(iter(studio_of(session).views.values()))
+
+
+def in_engine(server: EditorServer, picture: Callable[[], Float32]) -> Float32:
+    return server.engine.call(picture).result(SECONDS)
+
+
+def rest(page: Any, server: EditorServer) -> Float32:
+    """Stop refining, let the page take the last picture, and return it."""
+    studio = studio_of(server.engine.session)
+    studio.pause()
+    before = -1
+    while before != view_of(server.engine.session).revision:
+        before = view_of(server.engine.session).revision
+        page.wait_for_timeout(600)
+    return in_engine(server, server.engine.session.frame)
+
+
+def shown(page: Any) -> np.ndarray:
+    """The picture's pixels one to one, as they are on the screen."""
+    page.keyboard.press("1")
+    page.mouse.move(2, 2)
+    page.wait_for_timeout(200)
+    box = page.locator(".view canvas").bounding_box()
+    x = box["x"] + round((box["width"] - SIDE) / 2)
+    y = box["y"] + round((box["height"] - SIDE) / 2)
+    return pixels(page, x, y, SIDE, SIDE).astype(int)
+
+
+def as_displayed(image: Float32) -> np.ndarray:
+    return ToneMap().to_bytes(image.astype(np.float16).astype(np.float32)).astype(int)
+
+
+def click_picture(page: Any, x: int, y: int) -> None:
+    page.keyboard.press("f")
+    box = page.locator(".view canvas").bounding_box()
+    scale = np.floor(min(box["width"], box["height"]) / SIDE)
+    left = box["x"] + round((box["width"] - SIDE * scale) / 2)
+    top = box["y"] + round((box["height"] - SIDE * scale) / 2)
+    page.mouse.click(left + (x + 0.5) * scale, top + (y + 0.5) * scale)
+
+
+def drag(page: Any, x: float, y: float, dx: float, dy: float) -> None:
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + dx, y + dy, steps=12)
+    page.mouse.up()
+
+
+def test_select_drag_denoise(
+    page: Any, server: EditorServer, session: Session, tmp_path: Path
+) -> None:
+    toggle = page.get_by_role("button", name="Denoise at rest")
+    assert toggle.get_attribute("aria-pressed") == "true"
+    toggle.click()
+
+    # Click the large box and drag: edits are taken before its first samples are there
+    click_picture(page, 25, 40)
+    panel = page.get_by_role("region", name="Material of large-box")
+    panel.wait_for()
+    assert session.selected == ("large-box",)
+    track = panel.get_by_role("slider", name="Weight", exact=True).nth(1).bounding_box()
+    drag(page, track["x"] + 2, track["y"] + track["height"] / 2, 0.6 * track["width"], 0)
+    until(lambda: session.state["large-box"].layers["specular"].weight > 0.5)
+    assert len(session.history[0]) == 1
+    until(lambda: view_of(session).samples >= 29)
+    image = rest(page, server)
+    assert np.abs(shown(page) - as_displayed(image)).max() <= 2
+    assert "samples" in page.locator(".refining").inner_text()
+    assert "%" in page.locator(".noise").inner_text()
+
+    handle = panel.locator('[data-point="2"]').bounding_box()
+    drag(page, handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2, 2, -40)
+    until(lambda: session.state["large-box"].layers["specular"].curve is not None)
+    page.wait_for_timeout(300)
+    curved = in_engine(server, session.frame)
+    assert np.abs(curved - image).max() > 0.005
+    raw = shown(page)
+    assert np.abs(raw - as_displayed(curved)).max() <= 2
+
+    # The denoised picture is for the eye alone: saved ones stay as they are
+    toggle.click()
+    cleaned = as_displayed(in_engine(server, session.denoised))
+    assert np.abs(cleaned - raw).max() > 10
+    end = time.monotonic() + SECONDS
+    while np.abs(shown(page) - cleaned).max() > 2:
+        assert time.monotonic() < end, "the page does not show the denoised picture"
+    keep(page, "live-denoised")
+    with page.expect_download() as png:
+        page.get_by_role("button", name="PNG").click()
+    png.value.save_as(tmp_path / "picture.png")
+    with Image.open(tmp_path / "picture.png") as saved:
+        assert np.abs(np.asarray(saved.convert("RGB")).astype(int) - raw).max() <= 2
+
+    # An edit shows at once, not denoised; it is at rest soon after
+    page.keyboard.press("Control+z")
+    page.wait_for_timeout(100)
+    toggle.click()
+    assert np.abs(shown(page) - as_displayed(in_engine(server, session.frame))).max() <= 2
+    toggle.click()
+    studio_of(session).pause(False)
+
+
+def test_pictures_come_by_themselves_and_outlive_the_worker(
+    page: Any, server: EditorServer, session: Session
+) -> None:
+    studio = studio_of(session)
+    page.get_by_role("option", name="back").click()
+    page.get_by_role("region", name="Material of back").wait_for()
+    until(lambda: view_of(session).samples >= 13)
+    if page.get_by_role("button", name="Denoise at rest").get_attribute("aria-pressed") == "true":
+        page.get_by_role("button", name="Denoise at rest").click()
+    first = shown(page)
+    until(lambda: view_of(session).samples >= 45)
+    page.wait_for_timeout(300)
+    assert (shown(page) != first).any()
+
+    restarts = studio.restarts
+    os.kill(studio._process.pid or 0, signal.SIGKILL)
+    box = page.get_by_role("textbox", name="Color as sRGB hex").first
+    box.fill("#204080")
+    box.press("Enter")
+    until(lambda: float(session.get("back.diffuse.color")[0]) < 0.1)  # type: ignore[index]
+    # Another selection while there is nobody to trace it: the last picture stays
+    page.get_by_role("option", name="floor").click()
+    page.get_by_role("region", name="Material of floor").wait_for()
+    assert shown(page).mean() > 10
+    until(lambda: studio.restarts == restarts + 1 and view_of(session).samples >= 13)
+    image = rest(page, server)
+    assert np.abs(shown(page) - as_displayed(image)).max() <= 2
+    studio.pause(False)
+
+
+@pytest.mark.parametrize("module", ["cli edit", "demo"])
+def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
+    if not Path("/proc/self/task").is_dir():
+        pytest.skip("finding the worker needs /proc")
+    command = [sys.executable, "-m", *f"burnish.app.{module} cornell-box".split()]
+    no_display = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
+    environment = {**os.environ, **no_display, "XDG_STATE_HOME": str(tmp_path)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, start_new_session=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        assert any("http://" in line for line in process.stdout)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        assert children
+        # As Ctrl+C in a terminal does, to the whole group
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(timeout=SECONDS) == 0
+    until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
