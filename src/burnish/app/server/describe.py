@@ -50,8 +50,8 @@ def parameter(info: Parameter, initial: Value) -> ParameterInfo:
     )
 
 
-def layer(item: Layer, initial: LayerState) -> LayerInfo:
-    """A layer's model, coordinate and knobs."""
+def layer(item: Layer, initial: LayerState, knobs: tuple[Parameter, ...]) -> LayerInfo:
+    """A layer's model, coordinate and knobs; a linked parameter is another layer's knob."""
     model = item.model
     angle = model.coordinate_name.startswith(("theta", "gamma", "alpha", "beta"))
     maximum = model.coordinate_maximum
@@ -63,8 +63,7 @@ def layer(item: Layer, initial: LayerState) -> LayerInfo:
         coordinate_maximum=math.degrees(maximum) if angle else maximum,
         weight=initial.weight,
         parameters=tuple(
-            parameter(info, initial.values.get(info.name, info.default))
-            for info in model.parameters
+            parameter(info, initial.values.get(info.name, info.default)) for info in knobs
         ),
     )
 
@@ -73,7 +72,10 @@ def scene_object(info: ObjectInfo, material: Material | None) -> ObjectData:
     """An object with its layers; one that cannot be edited has none."""
     layers: tuple[LayerInfo, ...] = ()
     if material is not None:
-        layers = tuple(layer(item, material.initial.layers[item.name]) for item in material.layers)
+        layers = tuple(
+            layer(item, material.initial.layers[item.name], material.parameters(item.name))
+            for item in material.layers
+        )
     return ObjectData(info.id, info.editable and bool(layers), info.reason or "", layers)
 
 
