@@ -36,11 +36,14 @@ def checkered(rfilter: str) -> Scene:
 @pytest.mark.parametrize("rfilter", ["box", "gaussian", "mitchell"])
 def test_the_picture_is_mitsuba_s_with_the_film_s_own_filter(rfilter: str) -> None:
     scene = checkered(rfilter)
-    ours = PathTracedTruth(scene, 2).estimate(initial(scene), spp=2048, seed=3)
+    truth = PathTracedTruth(scene, 2)
+    ours = truth.estimate(initial(scene), spp=2048, seed=3)
     integrator = mi.load_dict({"type": "path", "max_depth": 3})
     theirs = np.stack(
         [
-            np.asarray(mi.render(scene.mi_scene, integrator=integrator, spp=256, seed=k))
+            np.asarray(
+                mi.render(truth.mi_scene(initial(scene)), integrator=integrator, spp=256, seed=k)
+            )
             for k in range(8)
         ]
     )
