@@ -18,6 +18,8 @@ from PIL import Image
 import burnish
 from burnish.app.live import LiveStudio, LiveView
 from burnish.app.server import EditorServer, application
+from burnish.app.worker import Mapped
+from burnish.core.errors import SceneError
 from burnish.core.types import Float32
 from burnish.runtime.tonemap import ToneMap
 from burnish.session import Session
@@ -229,3 +231,24 @@ def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(timeout=SECONDS) == 0
     until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
+
+
+def test_a_selection_that_ends_every_worker_is_given_up(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    studio = studio_of(session)
+    receive = studio._receive
+
+    def deadly(message: object) -> None:
+        receive(message)
+        if isinstance(message, Mapped):
+            os.kill(studio._process.pid or 0, signal.SIGKILL)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(studio, "_receive", deadly)
+        session.select("left")
+        with pytest.raises(SceneError, match="3 times"):
+            until(session.ready)
+    # Another one is traced as if nothing had happened
+    session.select("right")
+    assert session.frame().mean() > 0.01

@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 
+from burnish.core.errors import InvalidValue
 from burnish.core.types import Float32, Float64, Progress
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
@@ -108,6 +109,8 @@ class LitTruth:
         seed: int = 0,
         progress: Progress | None = None,
     ) -> Float32:
+        if spp < 2:
+            raise InvalidValue("spp must be at least 2, as for the path tracer itself")
         twin = Session(dict(self._session.views), name="twin")
         twin.restore(state)
         image = twin.frame(view)

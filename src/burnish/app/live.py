@@ -26,6 +26,9 @@ from burnish.transport.rows import Rows
 if TYPE_CHECKING:
     from burnish.session import Session
 
+MOST_DEATHS = 3
+"""Workers in a row that may end before they have published anything of a selection."""
+
 PATIENCE_SECONDS = 300.0
 """How long to wait for a worker that compiles or traces before calling it stuck."""
 
@@ -78,6 +81,7 @@ class LiveStudio:
         self._closed = False
         self._outbox: deque[object] = deque()
         self.restarts = 0
+        self._deaths = 0
         self.views: dict[str, LiveView] = {}
         self.opened = self._start()
         for name, width, height in self.opened.views:
@@ -149,6 +153,7 @@ class LiveStudio:
             self.views[message.view].map(message)
         elif isinstance(message, w.Published) and message.serial == current:
             self.views[message.view].publish(message)
+            self._deaths = 0
         elif isinstance(message, w.Failed) and message.serial == current:
             self._failure = message
         elif isinstance(message, w.Pictured) and message.job in self._jobs:
@@ -159,6 +164,7 @@ class LiveStudio:
     def _restart(self) -> None:
         """Bring a dead worker back with the selection that it had."""
         self.restarts += 1
+        self._deaths += 1
         try:
             self._start()
         except BurnishError as error:
@@ -169,8 +175,18 @@ class LiveStudio:
             return
         with self._changed:
             waiting = any(isinstance(message, w.Select) for message in self._outbox)
-            if self._request is not None and not waiting:
+            if self._request is None or waiting:
+                return
+            if self._deaths < MOST_DEATHS:
                 self._send(self._request)
+                return
+            self._deaths = 0
+            text = (
+                f"the tracing process ended {MOST_DEATHS} times over this selection, perhaps for "
+                "want of memory; select fewer objects or a smaller resolution"
+            )
+            self._failure = w.Failed(text, self._request.serial)
+            self._changed.notify_all()
 
     def _send(self, message: object) -> None:
         """Queue a message; it replaces a waiting one that it makes pointless."""

@@ -20,6 +20,8 @@ from burnish.transport.protocols import Truth
 log = logging.getLogger("burnish.editor")
 
 Picture = tuple[str, Float32]
+_LEAST_PASS = 2
+"""Samples per pixel that a path tracer needs to tell its own noise."""
 _LARGEST_SPP = 65536
 
 
@@ -75,8 +77,9 @@ class Tracing:
         truth = self._session.truth
         if truth is None:
             raise InvalidValue(f"no reference: {self.unavailable}")
-        if not 2 <= spp <= _LARGEST_SPP:
-            raise InvalidValue(f"spp must lie in [2, {_LARGEST_SPP}]; got {spp}")
+        least = 2 * _LEAST_PASS
+        if not least <= spp <= _LARGEST_SPP:
+            raise InvalidValue(f"spp must lie in [{least}, {_LARGEST_SPP}]; got {spp}")
         self.cancel()
         if self._thread is not None:
             self._thread.join()
@@ -149,9 +152,9 @@ class Tracing:
         """Passes of growing size, each for two independent halves."""
         sums: list[Float64] = []
         try:
-            size, number = 1, 0
+            size, number = _LEAST_PASS, 0
             while run.done < run.spp and not self._cancel.is_set():
-                size = max(min(size, (run.spp - run.done) // 2), 1)
+                size = max(min(size, (run.spp - run.done) // 2), _LEAST_PASS)
                 for half in range(2):
                     image = truth.render(
                         run.state,
