@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import burnish
+from burnish.app.progress import progress_bar
 from burnish.core.errors import InvalidValue
 from burnish.store.writer import partial_path
 
@@ -74,6 +75,19 @@ def test_an_interrupted_bake_goes_on(tmp_path: Path, how: signal.Signals) -> Non
     frames = [burnish.edit(folder / "out.burnish").frame() for folder in (whole, cut)]
     # The same seeds trace the same paths; scattered sums differ in their order alone
     np.testing.assert_allclose(frames[0], frames[1], rtol=2e-3, atol=1e-4)
+
+
+def looped(error: BaseException) -> None:
+    """Raise as Dr.Jit does for what is raised inside a loop that it traces."""
+    with progress_bar("loop"):
+        raise RuntimeError("dr.while_loop(): encountered an exception") from error
+
+
+def test_ctrl_c_inside_a_traced_loop_is_an_interruption() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        looped(KeyboardInterrupt())
+    with pytest.raises(RuntimeError):
+        looped(ValueError("another one"))
 
 
 def test_a_bake_is_not_resumed_with_other_settings(tmp_path: Path) -> None:

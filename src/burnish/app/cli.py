@@ -264,8 +264,9 @@ def exit_code(work: Callable[[], object]) -> int:
         return complain(error.format_message())
     except (KeyboardInterrupt, click.Abort) as interruption:
         # Click wraps the interruption, whose note says what was kept and how to go on
-        cause = interruption.__cause__ or interruption
-        notes = getattr(cause, "__notes__", ["stopped; nothing was written"])
+        chain = (interruption, interruption.__cause__)
+        found = (getattr(error, "__notes__", None) for error in chain)
+        notes = next(filter(None, found), ["stopped; nothing was written"])
         click.echo(f"burnish: {' '.join(notes)}", err=True)
         return INTERRUPTED
     except BrokenPipeError:

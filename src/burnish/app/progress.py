@@ -12,8 +12,29 @@ from burnish.core.types import Progress
 def progress_bar(title: str) -> Iterator[Progress]:
     """A bar for as long as the block runs; it yields what to report progress to.
 
-    Where stderr is no terminal (a log, a pipe) it writes one line per tenth instead.
+    Where stderr is no terminal (a log, a pipe) it writes one line per tenth instead. Ctrl+C
+    in the block is a KeyboardInterrupt wherever it strikes.
     """
+    with _interruptible(), _bar(title) as report:
+        yield report
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Dr.Jit makes a RuntimeError of what is raised inside a loop that it traces."""
+    try:
+        yield
+    except RuntimeError as error:
+        cause: BaseException | None = error
+        while cause is not None:
+            if isinstance(cause, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            cause = cause.__cause__ or cause.__context__
+        raise
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import (
         BarColumn,
