@@ -10,11 +10,11 @@ export interface NumberBoxProps {
   onChange(value: number): void;
 }
 
-/** Four significant digits, without trailing zeros. */
+/** Four significant digits, three of small numbers: as many as a box holds, without trailing zeros. */
 export function short(value: number): string {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e5 || size < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+  return size >= 1e5 || size < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(size < 0.1 ? 3 : 4)));
 }
 
 export function NumberBox({ value, minimum, maximum, label, unit, onChange }: NumberBoxProps) {
