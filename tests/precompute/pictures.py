@@ -73,18 +73,21 @@ def polynomial(tensor: Accumulator, state: State, tails: Float64 | None = None) 
     image = np.zeros((area.width * area.height, 3))
     for run, T in zip(tensor.layout.runs, tensor.transport(), strict=True):
         c = basis.column_coefficients(run.object, state, run.indirect)
-        light = np.stack([T[..., h] @ tails[:, h].astype(np.float32) for h in range(3)], axis=-1)
-        total = np.zeros((len(T), 3))
-        if run.indirect:
-            total += np.einsum("rch,ch->rh", light, c)
-        else:
+        pieces = (basis.indirect_slices if run.indirect else basis.slices)(run.object)
+        # One product for all: a column of numbers for each piece and channel, zero elsewhere
+        numbers = np.zeros((len(c), len(tails), 3, len(pieces), 3), np.float32)
+        for k, piece in enumerate(pieces):
+            own = slice(piece.start, piece.stop)
+            for h in range(3):
+                numbers[own, :, h, k, h] = np.outer(c[own, h], tails[:, h])
+        light = T.reshape(len(T), -1) @ numbers.reshape(-1, len(pieces) * 3)
+        light = light.reshape(len(T), len(pieces), 3).astype(np.float64)
+        if not run.indirect:
             cosine = rows.cos_theta_o[run.start : run.stop].astype(np.float64)
-            factors = basis.outgoing_factors(run.object, state, cosine)
-            for piece, factor in zip(basis.slices(run.object), factors, strict=True):
-                own = slice(piece.start, piece.stop)
-                part = np.einsum("rch,ch->rh", light[:, own], c[own])
-                total += part if factor is None else part * factor
-        np.add.at(image, rows.pixel[run.start : run.stop], total)
+            for k, factor in enumerate(basis.outgoing_factors(run.object, state, cosine)):
+                if factor is not None:
+                    light[:, k] *= factor
+        np.add.at(image, rows.pixel[run.start : run.stop], light.sum(axis=1))
     fixed = tensor.image(tensor.target.fixed)
     return fixed.astype(np.float64) + image.reshape(fixed.shape)
 

@@ -220,10 +220,10 @@ def seen_from_both_sides(side: int = 24) -> Scene:
     return replace(scene, objects=objects)
 
 
-def metals(side: int = 24) -> Scene:
+def metals(side: int = 24, roughness: tuple[float, float] = (0.3, 0.0)) -> Scene:
     """A flat rough metal with a delta column, and a smooth one: masking and mirrors."""
     eta, k = (0.2, 0.9, 1.1), (3.9, 2.4, 2.2)
-    rough, smooth = (
+    floor, wall = (
         material(
             (
                 "specular",
@@ -232,6 +232,11 @@ def metals(side: int = 24) -> Scene:
             ),
             delta=True,
         )
-        for alpha in (0.3, 0.0)
+        for alpha in roughness
     )
-    return corner({"floor": rough, "wall": smooth}, side=side)
+    return corner({"floor": floor, "wall": wall}, side=side)
+
+
+def rough_metals(side: int = 24) -> Scene:
+    """Metals whose reflections of each other are broad enough for a Z-test of pixels."""
+    return metals(side, (0.3, 0.2))

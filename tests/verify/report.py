@@ -53,7 +53,6 @@ class Figures:
     def equal(self, what: str, test: ZTest, ours: AnyArray, theirs: AnyArray) -> bool:
         """A Z-test that must not tell two pictures apart."""
         limit = f"p > {test.significance:g}"
-        self._line(f"{what}: median relative σ", test.relative_sigma, "", "")
         if self._check(what, test.p, limit, test.passed):
             return True
         self._keep_ztest(what, test, ours, theirs)
