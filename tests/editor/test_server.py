@@ -194,8 +194,15 @@ def test_drags_are_coalesced_to_the_latest(server: EditorServer, session: Sessio
     session.set = counted  # type: ignore[method-assign]
     with Page(server) as page:
         page.picture()
-        gate = threading.Event()
-        held = server.engine.call(lambda: gate.wait(20.0))
+        entered, gate = threading.Event(), threading.Event()
+
+        def hold() -> None:
+            entered.set()
+            gate.wait(20.0)
+
+        # What is sent before the engine is held may belong to the round of that message
+        held = server.engine.call(hold)
+        assert entered.wait(20.0)
         for value in range(1, 101):
             page.send("SetValue", path=EXPONENT, value=float(value))
         # The messages are in once a later one has been answered by the connection itself.
