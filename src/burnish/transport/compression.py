@@ -18,9 +18,12 @@ Monte Carlo noise has no low rank, and in that norm it outweighs the signal up t
 thousand samples per pixel. Ranks that followed it would store noise, so they stop at a
 third of what RGBE would take. A truncation in noise drops signal as well, and always
 downwards: with ranks (8, 8) a sharp lobe lost 5 % of its mean at 64 samples per pixel. So
-two directions are kept whatever the spectrum says: the mean over the rows, and the tails
-of a scene of albedo one half. With them the means of a square are the samples' own (to
-0.4 % at 64 samples, 0.1 % at 1,024), and only detail inside it is given up.
+a few directions are kept whatever the spectrum says: the mean over the rows, and the tails
+of a scene of albedo one half and of the scene's own materials. With them the means of a
+square are the samples' own (to 0.4 % at 64 samples, 0.1 % at 1,024), and only detail inside
+it is given up. Which detail, the protected tails decide: rows are told apart by what those
+see, many samples together, before noise is (on the ring at (64, 16) and 1,024 samples: 8 %
+error instead of 34 %).
 """
 
 from __future__ import annotations
@@ -42,6 +45,9 @@ SQUARE = 8
 
 DEFAULT_TOLERANCE = 0.01
 """Relative L2 error of the weighted signal that a block may have."""
+
+_CLEAR_SHARE = 10.0
+"""Weight of the Gram matrix of the protected tails beside that of all tails, for the rows."""
 
 _FEW_COLUMNS = 4
 _RGBE_BYTES = 4
@@ -110,14 +116,16 @@ def tail_scale(basis: Basis) -> Float32:
 def protected_tails(basis: Basis) -> Float32:
     """Directions over the tails that a block keeps exactly: float32 [z, 1 to 3], orthonormal.
 
-    The tails of a scene whose albedos are all one half; for the slower series the light that
-    met nothing further by itself, and the second encounters once with even curves and once
-    with the materials that the scene came with. See the module's text for why.
+    The tails of a scene whose albedos are all one half, and those of the materials that the
+    scene came with; for the slower series the light that met nothing further by itself, and
+    the second encounters once with even curves and once with the scene's. See the module's
+    text for why.
     """
     degree = basis.monomials.exponents.sum(axis=1)
     powers = 0.5**degree
     if not basis.coarse:
-        return _orthonormal(powers[:, None])
+        own = basis.tail_values(initial_state(basis.objects)).mean(axis=1)
+        return _orthonormal(np.stack([powers, own], axis=1))
     even = np.concatenate([[0.0], np.tile(powers, len(basis.coarse))])
     own = basis.coarse_values(initial_state(basis.objects)).mean(axis=1)
     given = np.concatenate([[0.0], np.outer(own, powers).ravel()])
@@ -187,7 +195,7 @@ def _compress(
     unfolded = weighted.values.reshape(r, -1)
     gram = unfolded @ unfolded.T
     total = float(np.trace(gram, dtype=np.float64))
-    row_basis, row_lost = _principal(gram, _orthonormal(np.ones((r, 1))))
+    row_basis, row_lost = _row_basis(gram, _clear_gram(weighted, protected, column_of, tail_of))
     a = _rank(row_lost, 0.5 * tolerance**2 * total, minimum=1)
     a = min(a, max(limit // _bytes(r, c, z, 1, kept), 1))
     rotated = unfolded.T @ np.ascontiguousarray(row_basis[:, :a])
@@ -267,6 +275,40 @@ def _orthonormal(columns: AnyArray) -> Float32:
     """An orthonormal basis of the columns' span, at least one of which is not zero: float32."""
     basis, size, _ = np.linalg.svd(columns.astype(np.float64), full_matrices=False)
     return np.asarray(basis[:, size > _DEPENDENT * size[0]], np.float32)
+
+
+def _clear_gram(
+    weighted: Cells, protected: Float32, column_of: AnyArray, tail_of: AnyArray
+) -> Float32:
+    """The rows' Gram matrix as the protected tails alone see the light: float32 [r, r].
+
+    They are sums of many samples that stand together against the noise of each.
+    """
+    r, kept = len(weighted.values), protected.shape[1]
+    first = np.flatnonzero(np.diff(column_of, prepend=-1))
+    gram = np.zeros((r, r), np.float32)
+    for p in range(kept):
+        part = weighted.values * protected[tail_of, p][None, :, None]
+        seen = np.add.reduceat(part, first, axis=1).reshape(r, -1)
+        gram += seen @ seen.T
+    return gram
+
+
+def _row_basis(gram: Float32, clear: Float32) -> tuple[Float32, Float64]:
+    """An orthonormal basis of the rows, their mean first, by what stands out of the noise.
+
+    Returns float32 [r, r] and float64 [r + 1]: the energy that each number of directions
+    loses, that of the clear part counted `_CLEAR_SHARE` times.
+    """
+    total, scale = float(np.trace(gram)), float(np.trace(clear))
+    mixed = gram + clear * (_CLEAR_SHARE * total / scale if scale > 0 else 0.0)
+    basis, _ = _principal(mixed, _orthonormal(np.ones((len(gram), 1))))
+    # Where there is no energy the eigenvectors may lean on the mean
+    basis = np.linalg.qr(basis.astype(np.float64))[0].astype(np.float32)
+    energy = np.einsum("ra,rs,sa->a", basis, mixed, basis, optimize=True).astype(np.float64)
+    lost = np.append(np.maximum(np.cumsum(energy[::-1])[::-1], 0.0), 0.0)
+    lost[0] = np.inf
+    return basis, lost
 
 
 def _principal(gram: Float32, protected: Float32) -> tuple[Float32, Float64]:
