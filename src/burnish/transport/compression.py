@@ -189,7 +189,7 @@ def _compress(
     # What is kept exactly is a sum over unweighted tails
     protected = _orthonormal(protected[tails] * tail_scale[tails, None])
     kept = protected.shape[1]
-    limit = _affordable(r, c, z, rgbe_bytes(cells.values))
+    limit = _affordable(r, c, z, rgbe_bytes(cells.values), slower=kept > 1)
 
     # Rotate the rows: their mean first, then what deviates from it most
     unfolded = weighted.values.reshape(r, -1)
@@ -334,16 +334,19 @@ def _rank(lost: Float64, allowed: float, minimum: int) -> int:
     return max(int(np.argmax(lost <= allowed)), minimum)
 
 
-def _affordable(r: int, c: int, z: int, rgbe: int) -> int:
+def _affordable(r: int, c: int, z: int, rgbe: int, slower: bool) -> int:
     """Bytes that a block may have: a third of RGBE's, or ranks (8, 8) where that is more.
 
-    A few rows at a silhouette need fewer ranks over rows and more over tails. A layer of few
-    columns, such as a diffuse one, costs little and shows everywhere: with fewer than ranks
-    (32, 8) its squares can be seen at few samples. No other block but one of the smallest
-    ranks is larger than RGBE.
+    A few rows at a silhouette need fewer ranks over rows and more over tails. Two kinds of
+    block may have more, since their squares can be seen otherwise: layers of few columns,
+    such as a diffuse one, which cost little (ranks 32, 8), and the slower series, whose
+    tails hold a second lobe (ranks 16, 16). No other block but one of the smallest ranks is
+    larger than RGBE.
     """
     if c <= _FEW_COLUMNS:
         return max(rgbe // 3, int(_bytes(r, c, z, 32, 8)))
+    if slower:
+        return max(rgbe // 3, int(_bytes(r, c, z, 16, 16)))
     return max(rgbe // 3, min(rgbe, int(_bytes(r, c, z, 8, 8))))
 
 
