@@ -21,9 +21,9 @@ from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.measured import (
     ReflectanceTable,
     edited_table,
-    library,
     measured_material,
     read_merl,
+    register,
     table_of_samples,
     write_merl,
 )
@@ -197,9 +197,9 @@ def test_json_and_pickle_name_the_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert material_from_json(stored) == material
     assert pickle.loads(pickle.dumps(material)) == material
     model = material.layers[0].model
-    monkeypatch.setattr(library, "_tables", {})
+    monkeypatch.setattr(register, "_tables", {})
     assert model.data.raw.shape == (3, 90, 90, 180)  # type: ignore[attr-defined]
-    monkeypatch.setattr(library, "_tables", {})
+    monkeypatch.setattr(register, "_tables", {})
     with (tmp_path / "a.binary").open("r+b") as file:
         file.seek(1000)
         file.write(b"\0" * 8)

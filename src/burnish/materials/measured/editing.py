@@ -13,7 +13,6 @@ from burnish.materials.coefficients import conserved, edited_profile, outgoing
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.measured.factors import Form
-from burnish.materials.measured.library import find, keep, path_of
 from burnish.materials.measured.merl import read_merl
 from burnish.materials.measured.models import (
     Measured,
@@ -23,6 +22,7 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.register import find, keep, path_of
 from burnish.materials.measured.table import ReflectanceTable
 
 Angle = Literal["theta_h", "theta_d", "theta_in"]

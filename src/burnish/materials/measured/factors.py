@@ -20,7 +20,7 @@ import numpy as np
 from burnish.core.types import Float64
 from burnish.materials.coordinates import normalised
 from burnish.materials.maths import Maths, numpy_maths
-from burnish.materials.measured.library import find
+from burnish.materials.measured.register import find
 from burnish.materials.measured.table import ReflectanceTable
 
 Form = Literal["half-difference", "homomorphic"]

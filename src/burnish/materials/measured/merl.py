@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from burnish.core.errors import CannotWrite, MeasurementError, MissingFile
-from burnish.materials.measured.library import keep
+from burnish.materials.measured.register import keep
 from burnish.materials.measured.table import ReflectanceTable
 
 SHAPE = (90, 90, 180)

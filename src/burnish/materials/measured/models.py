@@ -13,7 +13,7 @@ from burnish.core.types import Float64
 from burnish.materials.coordinates import normalised
 from burnish.materials.maths import Maths, Vector, numpy_maths
 from burnish.materials.measured.factors import Factors, Form, factors
-from burnish.materials.measured.library import find
+from burnish.materials.measured.register import find
 from burnish.materials.measured.table import ReflectanceTable
 from burnish.materials.model import Fixed, Model, Values
 from burnish.materials.parameter import Parameter

@@ -9,7 +9,7 @@ import numpy as np
 from burnish.core.errors import MeasurementError
 from burnish.core.types import AnyArray, Float64
 from burnish.materials.maths import Vector, numpy_maths
-from burnish.materials.measured.library import keep
+from burnish.materials.measured.register import keep
 from burnish.materials.measured.table import ReflectanceTable, half_difference
 
 NEIGHBOURS = 6
