@@ -1,4 +1,8 @@
-"""Scenes by others: as they are, and with one roughness edited, against Mitsuba."""
+"""Scenes by others: as they are, and with one roughness edited, against Mitsuba.
+
+Not the dining room and veach-bidir: single paths of theirs are so bright that the noise of
+a reference of 16,384 samples is 15 %, too much for a figure to count.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +49,6 @@ CASES = (
     Case("veach-mis/scene.xml", PLATE, "specular", (64, 1, 1), 0.02, 98304, TINY),
     Case("staircase2/scene.xml", "Wood_0003", "specular", (64, 1, 1), 0.02, 16384, SMALL),
     Case("living-room/scene.xml", "Floor", "specular", (64, 1), 0.02, 65536, SMALL),
-    Case("dining-room/scene.xml", "BlackPaint_2", "specular", (64, 1), 0.05, 16384, SMALL),
 )
 
 
