@@ -1,7 +1,8 @@
 """Scenes by others: as they are, and with one roughness edited, against Mitsuba.
 
-Not the dining room and veach-bidir: single paths of theirs are so bright that the noise of
-a reference of 16,384 samples is 15 %, too much for a figure to count.
+Not the dining room and veach-bidir: single paths of theirs are so bright that no figure
+counts. Bake and reference together had 15 % of noise at 16,384 samples in the one, at two
+bounces and 48 × 36 pixels, and 13 % at 1,024 in the other.
 """
 
 from __future__ import annotations
