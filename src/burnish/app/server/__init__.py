@@ -51,13 +51,14 @@ def serve(
     say = announce or _write_line
     place = default_autosave(session.name) if autosave is None else autosave
     with EditorServer(session, host, port, autosave=place) as server:
-        if not is_loopback(host):
-            say(HOST_WARNING.format(host=host))
-        say(f"The editor is at {server.url}")
-        say("Press Ctrl+C to close it.")
-        if open_browser and has_display():
-            webbrowser.open(server.url)
+        # Whoever has read the address may press Ctrl+C before the next line runs
         try:
+            if not is_loopback(host):
+                say(HOST_WARNING.format(host=host))
+            say(f"The editor is at {server.url}")
+            say("Press Ctrl+C to close it.")
+            if open_browser and has_display():
+                webbrowser.open(server.url)
             server.wait()
         except KeyboardInterrupt:
             say("Closing; the edits are autosaved.")
