@@ -38,15 +38,20 @@ class Adapted:
 
     material: None when it stays fixed, and then `reason` says why. two_sided: whether both
     faces reflect. maps: for each layer group with a texture, the Mitsuba dictionary of the
-    texture that is its H. edited_bsdf: gives Mitsuba's own plugin (mi.BSDF) for a state, or
-    None where no plugin holds it.
+    texture that is its H. describe: gives the dictionary of Mitsuba's own plugin for a state,
+    or None where no plugin holds it.
     """
 
     material: Material | None
     reason: str = ""
     two_sided: bool = False
     maps: Mapping[str, Description] = field(default_factory=dict)
-    edited_bsdf: Callable[[MaterialState], Any] | None = None
+    describe: Callable[[MaterialState], Description | None] | None = None
+
+    def edited_bsdf(self, state: MaterialState) -> Any | None:
+        """Mitsuba's own plugin for a state (mi.BSDF), or None."""
+        described = self.describe(state) if self.describe is not None else None
+        return None if described is None else mi.load_dict(dict(described))
 
 
 def adapt(description: Description) -> Adapted:
@@ -58,7 +63,7 @@ def adapt(description: Description) -> Adapted:
         if kind == "blendbsdf":
             found = blend(inner, two_sided, adapt)
             both = two_sided or found.parts[0].two_sided
-            return Adapted(found.material, "", both, found.maps, found.factory)
+            return Adapted(found.material, "", both, found.maps, found.describe)
         if kind in _UNSUPPORTED:
             raise Fixed(_UNSUPPORTED[kind])
         if kind not in _KINDS:
@@ -226,39 +231,44 @@ _KINDS: dict[str, Callable[[Reader], Read]] = {
 # -- writing --------------------------------------------------------------------------------
 
 
+def is_freehand(layer: LayerState) -> bool:
+    """Whether a curve was drawn on a layer."""
+    return layer.curve is not None or layer.outgoing_curve is not None
+
+
 @dataclass(frozen=True)
 class _Writer:
-    """Gives Mitsuba's own plugin for an edited state."""
+    """Describes Mitsuba's own plugin in an edited state."""
 
     description: Description
     material: Material
     two_sided: bool
     read: Reader
 
-    def __call__(self, state: MaterialState) -> Any | None:
-        """mi.BSDF, or None where Mitsuba's plugin cannot hold the state."""
+    def __call__(self, state: MaterialState) -> Description | None:
+        """Its dictionary, or None where Mitsuba's plugin cannot hold the state."""
         own = {layer.name for layer in self.material.layers}
         extra = [layer for name, layer in state.layers.items() if name not in own]
         if state.conserve or any(layer.enabled and layer.weight > 0 for layer in extra):
             return None
-        if any(state.layers[name].curve is not None for name in own):
+        if any(is_freehand(state.layers[name]) for name in own):
             return None
         if self.description["type"] == "principled":
-            return self._built(lambda: principled.edited(self.read, self.material, state))
+            return self._sided(lambda: principled.edited(self.read, self.material, state))
         colours: dict[str, RGB] = {}
         for name in own:
             layer = state.layers[name]
             strength = layer.weight if layer.enabled else 0.0
             r, g, b = (strength * float(c) for c in layer.values["color"])  # type: ignore[union-attr]
             colours[name] = (r, g, b)
-        return self._built(lambda: self._edited(state, colours))
+        return self._sided(lambda: self._edited(state, colours))
 
-    def _built(self, describe: Callable[[], dict[str, Any]]) -> Any | None:
+    def _sided(self, describe: Callable[[], dict[str, Any]]) -> Description | None:
         try:
             edited = describe()
         except Fixed:
             return None
-        return mi.load_dict({"type": "twosided", "bsdf": edited} if self.two_sided else edited)
+        return {"type": "twosided", "bsdf": edited} if self.two_sided else edited
 
     def _edited(self, state: MaterialState, colours: Mapping[str, RGB]) -> dict[str, Any]:
         kind = self.description["type"]

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import mitsuba as mi
-
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.scene.reader import Description, Fixed
 from burnish.scene.textures import Factor, product
@@ -23,8 +21,7 @@ PREFIXES = ("first", "second")
 class Blend:
     """The parts of a blend, and what became of them.
 
-    weight: the share of the second material, a number or a texture. factory: gives Mitsuba's
-    blendbsdf of an edited state, None where one of its two has no plugin.
+    weight: the share of the second material, a number or a texture.
     """
 
     material: Material
@@ -33,26 +30,26 @@ class Blend:
     parts: tuple[Adapted, Adapted]
     two_sided: bool
 
-    def factory(self, state: MaterialState) -> Any | None:
-        """mi.BSDF of a state, or None."""
+    def describe(self, state: MaterialState) -> Description | None:
+        """Mitsuba's blendbsdf of a state, None where one of its two has no plugin."""
         if state.conserve:
             return None
         edited: dict[str, Any] = {}
         for prefix, part in zip(PREFIXES, self.parts, strict=True):
-            assert part.edited_bsdf is not None
+            assert part.describe is not None
             start = f"{prefix}_"
             own = {
                 name.removeprefix(start): layer
                 for name, layer in state.layers.items()
                 if name.startswith(start)
             }
-            edited[prefix] = part.edited_bsdf(MaterialState(own))
+            edited[prefix] = part.describe(MaterialState(own))
             if edited[prefix] is None:
                 return None
         if set(state.layers) != {layer.name for layer in self.material.layers}:
             return None
         blended = {"type": "blendbsdf", "weight": self.weight, **edited}
-        return mi.load_dict({"type": "twosided", "bsdf": blended} if self.two_sided else blended)
+        return {"type": "twosided", "bsdf": blended} if self.two_sided else blended
 
 
 def blend(

@@ -283,7 +283,7 @@ def _describe(
         group: WeightMap(mi.load_dict(texture), mi_scene, tuple(shapes))
         for group, texture in read.maps.items()
     }
-    return replace(item, material=read.material, maps=maps, factory=read.edited_bsdf)
+    return replace(item, material=read.material, maps=maps, factory=read.describe)
 
 
 def _restricted(scene: Scene, editable: Sequence[str]) -> Scene:

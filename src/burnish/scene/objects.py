@@ -23,6 +23,8 @@ class SceneObject:
     material: None for a fixed object. maps: the static H of each layer group that has one.
     two_sided: whether its BSDF reflects on both faces.
     plugin: Mitsuba's name of its BSDF, inside `twosided`. bsdf: the scene's own mi.BSDF.
+    factory: the dictionary of Mitsuba's own plugin in a state, None where none holds it; None
+    itself where the material is not the scene's.
     """
 
     id: str
@@ -33,7 +35,7 @@ class SceneObject:
     material: Material | None = None
     two_sided: bool = False
     maps: Mapping[str, WeightMap] = field(default_factory=dict)
-    factory: Callable[[MaterialState], Any] | None = None
+    factory: Callable[[MaterialState], Mapping[str, Any] | None] | None = None
 
     @property
     def editable(self) -> bool:
@@ -44,6 +46,11 @@ class SceneObject:
 
         None when no plugin of Mitsuba's can hold that state.
         """
+        described = self.described(state)
+        return None if described is None else mi.load_dict(dict(described))
+
+    def described(self, state: MaterialState) -> Mapping[str, Any] | None:
+        """The dictionary of Mitsuba's own plugin in a state; None where none can hold it."""
         return self.factory(state) if self.factory is not None else None
 
 
