@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from burnish.core.errors import BurnishError, InvalidValue, SceneError, UnknownName
+from burnish.core.types import RGB
 from burnish.materials.layer import Material
 from burnish.scene import examples, gltf
 from burnish.scene.adapters import Adapted, adapt
 from burnish.scene.assign import assigned
 from burnish.scene.device import activate
+from burnish.scene.lights import SceneLight, draft_lights, find_lights, scaled
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_light
 from burnish.scene.tree import Tree
@@ -43,6 +45,8 @@ class Scene:
     mi_scene: mi.Scene with nothing merged. hash: SHA-256 over all of its inputs.
     object_table: uint32 [largest shape number + 1], from a shape's number in Mitsuba
       (`dr.reinterpret_array(mi.UInt32, si.shape)`) to an index into `objects`.
+    lights: what sends light; light_table: uint32, from an emitter's number in Mitsuba
+      (`dr.reinterpret_array(mi.UInt32, si.emitter(mi_scene))`) to an index into `lights`.
     tree, drafts: what `with_bsdfs` builds anew. warnings: what was left out, one line each.
     """
 
@@ -55,6 +59,8 @@ class Scene:
     object_table: NDArray[np.uint32]
     tree: Tree
     drafts: tuple[Draft, ...]
+    lights: tuple[SceneLight, ...]
+    light_table: NDArray[np.uint32]
     warnings: tuple[str, ...] = ()
     request: Request = Request("", {})
 
@@ -97,10 +103,26 @@ class Scene:
                 )
         return tuple(item for item in self.objects if item.id in wanted)
 
-    def with_bsdfs(self, bsdfs: Mapping[str, Any]) -> Any:
+    def with_lights(self, factors: Mapping[str, RGB], folder: Path | None = None) -> Tree:
+        """The scene's description with the named lights sending `factors` as much.
+
+        factors: linear RGB. folder: where images of lights that get another colour are
+        written, and must stay; a temporary one, gone with the tree, without it. Raises
+        UnknownName, InvalidValue for a light that Mitsuba cannot scale.
+        """
+        if not factors:
+            return self.tree
+        place = folder or Path(tempfile.mkdtemp(prefix="burnish-"))
+        tree = scaled(self.tree, self.lights, factors, place)
+        if folder is None:
+            weakref.finalize(tree, shutil.rmtree, place, ignore_errors=True)
+        return tree
+
+    def with_bsdfs(self, bsdfs: Mapping[str, Any], factors: Mapping[str, RGB] | None = None) -> Any:
         """A fresh mi.Scene in which the named objects have the given mi.BSDF.
 
-        Its sensors stand in the order of `mi_scene.sensors()`. Raises UnknownName.
+        factors: as for `with_lights`. Its sensors stand in the order of `mi_scene.sensors()`.
+        Raises UnknownName, InvalidValue.
         """
         shapes: dict[int, Any] = {}
         for object_id, bsdf in bsdfs.items():
@@ -110,7 +132,9 @@ class Scene:
                     f"object {object_id!r} is a ready-made Mitsuba shape and keeps its BSDF"
                 )
             shapes.update(dict.fromkeys(draft.shapes, bsdf))
-        return self.tree.replaced(shapes).build()
+        # Its images must last until the scene has read them
+        tree = self.with_lights(factors or {})
+        return tree.replaced(shapes).build()
 
 
 def load(
@@ -216,6 +240,7 @@ def _assemble(
     if not drafts:
         raise SceneError(f"{tree.label}: the scene has no shapes; add at least one <shape>")
     digest = tree.digest()
+    drafted = draft_lights(tree, drafts)
     mi_scene = tree.build()
     if not mi_scene.emitters():
         raise SceneError(
@@ -226,11 +251,12 @@ def _assemble(
     positions = {shape.id(): number for number, shape in enumerate(shapes)}
     found = {shape.id(): shape for shape in _all_shapes(mi_scene)}
     adapted: dict[int | None, Adapted] = {}
-    objects = []
+    objects, shapes_of = [], []
     table: dict[int, int] = {}
     for number, draft in enumerate(drafts):
         own = [found[i] for i in draft.shape_ids] if draft.shapes else [draft.ready]
         _check_vertices(tree, draft, own)
+        shapes_of.append(own)
         for shape in own:
             table[_registry_number(shape)] = number
         where = tuple(positions[shape.id()] for shape in own if shape.id() in positions)
@@ -239,6 +265,7 @@ def _assemble(
         objects.append(finish[item.id](item) if item.id in finish else item)
     object_table = np.zeros(max(table) + 1, np.uint32)
     object_table[list(table)] = list(table.values())
+    lights, light_table = find_lights(drafted, drafts, shapes_of, mi_scene)
     return Scene(
         name=name,
         source=source,
@@ -249,6 +276,8 @@ def _assemble(
         object_table=object_table,
         tree=tree,
         drafts=drafts,
+        lights=lights,
+        light_table=light_table,
         warnings=warnings,
     )
 

@@ -1,0 +1,219 @@
+"""The mix of the lights: what a user sets on each, and the factor that it makes of them.
+
+Light adds up. With everything else as it is, the picture is Σ_g m_g · image_g over the lights
+(or named groups of them), and a mix m [g, rgb] is a linear factor of every one.
+
+A light's state stands among those of the materials under "light:NAME", as its path does:
+
+| parameter | values | |
+|---|---|---|
+| `intensity` | 0 to 1,000,000, linear | 2 is one stop more |
+| `tint` | linear RGB, 0 to 1 | white leaves the light's own colour |
+| `on` | true, false | a light that is off sends nothing |
+| `solo` | true, false | while any light is solo, only such ones shine |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from burnish.core.errors import InvalidValue, UnknownName
+from burnish.core.types import RGB, Float64, Value
+from burnish.materials.layer import LayerState, MaterialState
+from burnish.materials.parameter import Parameter
+
+PREFIX = "light:"
+
+PARAMETERS = (
+    Parameter(
+        "intensity", 1.0, 0.0, 1e6, 0.0, 4.0, unit="×", description="scales what the light sends"
+    ),
+    Parameter("tint", (1.0, 1.0, 1.0), kind="colour", description="multiplies the light's colour"),
+)
+SWITCHES = ("on", "solo")
+
+MOST_GROUPS = 4
+"""Light groups that one bake may tell apart: its transport has that many times the tails."""
+
+REST = "rest"
+"""The group of the lights that no group was asked for."""
+
+_WORDS = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light of a scene: an emitter, or the emitters of one object; kind: Mitsuba's name."""
+
+    name: str
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class LightGroup:
+    """Lights that are mixed as one. members: names of the scene's lights."""
+
+    name: str
+    members: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """Where its state stands among the materials'."""
+        return PREFIX + self.name
+
+    @property
+    def initial(self) -> LightState:
+        """As the scene has it."""
+        return LightState(members=self.members)
+
+
+@dataclass(frozen=True)
+class LightState(MaterialState):
+    """What a user has set on a light or a group of lights; it has no layers."""
+
+    layers: Mapping[str, LayerState] = field(default_factory=dict)
+    members: tuple[str, ...] = ()
+    intensity: float = 1.0
+    tint: RGB = (1.0, 1.0, 1.0)
+    on: bool = True
+    solo: bool = False
+
+    def get(self, parameter: str) -> Value:
+        """A parameter's value."""
+        value: Value = getattr(self, parameter)
+        return value
+
+    def set(self, parameter: str, value: object, where: str) -> LightState:
+        """The state with another value. Raises InvalidValue when it is out of range."""
+        accepted: Any
+        if parameter in SWITCHES:
+            accepted = _switch(value, f"{where}.{parameter}")
+        else:
+            known = next(item for item in PARAMETERS if item.name == parameter)
+            accepted = known.validate(value, f"{where}.")
+        return replace(self, **{parameter: accepted})
+
+
+@dataclass(frozen=True)
+class LightAddress:
+    """One parameter of one light."""
+
+    group: LightGroup
+    parameter: str
+
+
+def resolve(groups: Sequence[LightGroup], path: str) -> LightAddress:
+    """What "light:NAME.PARAMETER" names; names may hold dots. Raises UnknownName."""
+    for group in groups:
+        for name in parameter_names():
+            if path == f"{group.key}.{name}":
+                return LightAddress(group, name)
+    known = [f"{group.key}.{name}" for group in groups for name in parameter_names()]
+    raise UnknownName("light parameter", path, known)
+
+
+def parameter_names() -> tuple[str, ...]:
+    """What a light's path may end with."""
+    return (*(item.name for item in PARAMETERS), *SWITCHES)
+
+
+def lights_in(state: Mapping[str, MaterialState]) -> dict[str, LightState]:
+    """The lights among the states, by key."""
+    return {key: item for key, item in state.items() if isinstance(item, LightState)}
+
+
+def without_lights(state: Mapping[str, MaterialState]) -> dict[str, MaterialState]:
+    """The materials among the states."""
+    return {key: item for key, item in state.items() if not isinstance(item, LightState)}
+
+
+def mix(groups: Sequence[LightGroup], state: Mapping[str, MaterialState]) -> Float64:
+    """The factor of each group: float64 [groups, 3], linear RGB; 1 where nothing is set."""
+    lights = lights_in(state)
+    solo = any(light.solo for light in lights.values())
+    result = np.ones((len(groups), 3))
+    for g, group in enumerate(groups):
+        light = lights.get(group.key, group.initial)
+        shines = light.on and (light.solo or not solo)
+        result[g] = np.array(light.tint) * light.intensity if shines else 0.0
+    return result
+
+
+def factors(state: Mapping[str, MaterialState]) -> dict[str, RGB]:
+    """The factor of each light of the scene that is not as the scene has it."""
+    groups = [
+        LightGroup(key.removeprefix(PREFIX), s.members) for key, s in lights_in(state).items()
+    ]
+    result: dict[str, RGB] = {}
+    for group, (r, g, b) in zip(groups, mix(groups, state).tolist(), strict=True):
+        if (r, g, b) != (1.0, 1.0, 1.0):
+            result |= dict.fromkeys(group.members, (r, g, b))
+    return result
+
+
+def each(lights: Iterable[Light]) -> tuple[LightGroup, ...]:
+    """Every light a group of its own."""
+    return tuple(LightGroup(light.name, (light.name,)) for light in lights)
+
+
+def grouped(lights: Sequence[Light], wanted: Sequence[str]) -> tuple[LightGroup, ...]:
+    """The groups that a bake was asked for, and one of the lights that are in none.
+
+    wanted: "each" alone, or for each group a light's name or "name=light+light". Raises
+    UnknownName; InvalidValue for a light in two groups, two groups of one name, or more
+    than MOST_GROUPS.
+    """
+    known = {light.name for light in lights}
+    if tuple(wanted) == ("each",) and "each" not in known:
+        groups = list(each(lights))
+    else:
+        groups = [_group(text, known) for text in wanted]
+        taken = [name for group in groups for name in group.members]
+        for names, what in (([g.name for g in groups], "group"), (taken, "light")):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise InvalidValue(
+                    f"light groups name the {what} {twice[0]!r} twice; once is enough"
+                )
+        rest = tuple(light.name for light in lights if light.name not in taken)
+        if groups and rest:
+            name = REST
+            while name in {group.name for group in groups}:
+                name += "_2"
+            groups.append(LightGroup(name, rest))
+    if len(groups) > MOST_GROUPS:
+        listing = ", ".join(group.name for group in groups)
+        raise InvalidValue(
+            f"a bake tells at most {MOST_GROUPS} light groups apart; got {len(groups)} "
+            f"({listing}): put some together, like "
+            f"key={groups[0].members[0]}+{groups[1].members[0]}, or bake without light groups "
+            "and mix by pictures of each light"
+        )
+    return tuple(groups)
+
+
+def _group(text: str, known: set[str]) -> LightGroup:
+    name, equals, listed = text.partition("=")
+    # A light's own name may hold the signs
+    if text in known or not equals:
+        name, members = text, [text]
+    else:
+        members = [item.strip() for item in listed.split("+")]
+    for member in members:
+        if member not in known:
+            raise UnknownName("light", member, known)
+    if not name.strip():
+        raise InvalidValue(f"a light group is NAME=LIGHT+LIGHT or a light's name; got {text!r}")
+    return LightGroup(name.strip(), tuple(dict.fromkeys(members)))
+
+
+def _switch(value: object, field_name: str) -> bool:
+    if isinstance(value, str) and value.lower() in _WORDS:
+        return _WORDS[value.lower()]
+    if isinstance(value, (bool, int, float)) and value in (0, 1):
+        return bool(value)
+    raise InvalidValue(f"{field_name} must be on or off; got {value!r}")

@@ -1,0 +1,227 @@
+"""The lights of a scene: their names, which emitter is whose, and scaling what they send."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from burnish.core.errors import InvalidValue, UnknownName
+from burnish.core.types import RGB
+from burnish.materials.lights import Light
+from burnish.scene.objects import Draft
+from burnish.scene.tree import Reference, Tree, UniqueNames
+
+_SENT = {
+    "area": "radiance",
+    "constant": "radiance",
+    "directional": "irradiance",
+    "directionalarea": "radiance",
+    "point": "intensity",
+    "projector": "irradiance",
+    "spot": "intensity",
+}
+"""The property that an emitter's light is proportional to, by plugin."""
+
+_SCALES = {
+    "envmap": ("scale",),
+    "sunsky": ("sun_scale", "sky_scale"),
+    "timed_sunsky": ("sun_scale", "sky_scale"),
+}
+"""Numbers that scale an emitter whose light is not one property."""
+
+_BACKGROUNDS = ("constant", "envmap", "sunsky", "timed_sunsky")
+
+
+@dataclass(frozen=True)
+class SceneLight(Light):
+    """A light and where it stands: nodes of the tree, empty for a ready-made emitter."""
+
+    nodes: tuple[int, ...] = ()
+
+
+def draft_lights(tree: Tree, drafts: Sequence[Draft]) -> list[SceneLight]:
+    """The lights before the scene is built: those on objects, by the object's name, then the
+    others, by their own id or else what they are. The latter get their name as id."""
+    unique = UniqueNames()
+    found = []
+    for draft in drafts:
+        nodes = [
+            node
+            for shape in draft.shapes
+            for _, node in tree.children(shape, mi.ObjectType.Emitter)
+        ]
+        if nodes:
+            found.append(SceneLight(unique(draft.id), tree.plugin(nodes[0]), tuple(nodes)))
+    for _, node in tree.children(0, mi.ObjectType.Emitter):
+        kind = tree.plugin(node)
+        name = unique(tree.id(node) or ("environment" if kind in _BACKGROUNDS else kind))
+        tree.node(node).props.set_id(name)
+        found.append(SceneLight(name, kind, (node,)))
+    return found
+
+
+def find_lights(
+    found: Sequence[SceneLight],
+    drafts: Sequence[Draft],
+    shapes: Sequence[Sequence[Any]],
+    built: Any,
+) -> tuple[tuple[SceneLight, ...], NDArray[np.uint32]]:
+    """The lights of a built scene (mi.Scene), ready-made ones too, and whose each emitter is.
+
+    shapes: those of each draft. The table goes from an emitter's number in Mitsuba
+    (`dr.reinterpret_array(mi.UInt32, si.emitter(scene))`) to the light's: uint32.
+    """
+    lights = list(found)
+    position = {light.name: number for number, light in enumerate(lights)}
+    unique = UniqueNames()
+    for light in lights:
+        unique(light.name)
+    numbers: dict[int, int] = {}
+
+    def add(emitter: Any, name: str) -> None:
+        if name not in position:
+            # A ready-made shape or emitter, which no node describes
+            position[name] = len(lights)
+            lights.append(SceneLight(unique(name), "ready-made"))
+        numbers[_number(emitter)] = position[name]
+
+    for draft, own in zip(drafts, shapes, strict=True):
+        for shape in own:
+            if shape.emitter() is not None:
+                add(shape.emitter(), draft.id)
+    for emitter in built.emitters():
+        if _number(emitter) not in numbers:
+            add(emitter, emitter.id() or "emitter")
+    table = np.zeros(max(numbers, default=0) + 1, np.uint32)
+    table[list(numbers)] = list(numbers.values())
+    return tuple(lights), table
+
+
+def scaled(
+    tree: Tree, lights: Sequence[SceneLight], factors: Mapping[str, RGB], folder: Path
+) -> Tree:
+    """A copy of a scene's tree in which the named lights send `factors` (linear RGB) as much.
+
+    folder: where images of lights that get another colour are written; they must stay there
+    as long as the tree is used. A light with factor 0 stays an emitter, and is black. Raises
+    UnknownName, InvalidValue for a light that Mitsuba has no scale for.
+    """
+    known = {light.name: light for light in lights}
+    changed = Tree(tree.config, mi.parser.ParserState(tree.state), tree.label)
+    for name, factor in factors.items():
+        if name not in known:
+            raise UnknownName("light", name, known)
+        if not known[name].nodes:
+            raise InvalidValue(
+                f"light {name!r} is a ready-made Mitsuba object, which the path tracer cannot mix; "
+                "describe it in the scene, or leave it as it is"
+            )
+        for node in known[name].nodes:
+            _scale_emitter(changed, node, factor, folder)
+    return changed
+
+
+def _scale_emitter(tree: Tree, node: int, factor: RGB, folder: Path) -> None:
+    plugin, props = tree.plugin(node), tree.node(node).props
+    grey = factor[0] == factor[1] == factor[2]
+    if not any(factor) and plugin not in _SENT:
+        # Some divide by what they send
+        black = mi.Properties("constant")
+        black.set_id(props.id())
+        black["radiance"] = mi.ScalarColor3d(0.0)
+        tree.node(node).props = black
+    elif not any(factor):
+        # An image of zeros cannot be sampled
+        props[_SENT[plugin]] = mi.ScalarColor3d(0.0)
+    elif plugin in _SENT:
+        _scale_property(tree, node, _SENT[plugin], factor, folder)
+    elif plugin in _SCALES and grey:
+        for name in _SCALES[plugin]:
+            props[name] = float(props.get(name, 1.0)) * factor[0]
+    elif plugin == "envmap" and "filename" in props:
+        props["filename"] = _scaled_picture(tree, node, factor, folder)
+    else:
+        raise InvalidValue(
+            f"{tree.place(node)}: the path tracer cannot change a light of type {plugin} like "
+            f"this; {'reset its tint' if plugin in _SCALES else 'leave it as it is'}"
+        )
+
+
+def _scale_property(tree: Tree, node: int, name: str, factor: RGB, folder: Path) -> None:
+    """Multiply one property of a node: a number, a colour, a spectrum or a texture."""
+    props = tree.node(node).props
+    value = props.get(name, 1.0)
+    if isinstance(value, Reference):
+        # Another emitter may share the texture
+        texture = _copied(tree, value.index())
+        plugin, own = tree.plugin(texture), tree.node(texture).props
+        props[name] = Reference(texture)
+        if plugin == "bitmap" and "filename" in own:
+            own["filename"] = _scaled_picture(tree, texture, factor, folder)
+            own["raw"] = True
+            return
+        if plugin == "checkerboard":
+            for inner in ("color0", "color1"):
+                _scale_property(tree, texture, inner, factor, folder)
+            return
+    props[name] = mi.ScalarColor3d(np.multiply(_as_rgb(tree, node, value), factor).tolist())
+
+
+def _as_rgb(tree: Tree, node: int, value: Any) -> RGB:
+    """What an emitter's property is in linear RGB. Raises InvalidValue where it varies."""
+    if isinstance(value, (int, float)):
+        return (float(value),) * 3
+    if isinstance(value, mi.ScalarColor3d):
+        return float(value[0]), float(value[1]), float(value[2])
+    if isinstance(value, Reference):
+        value = tree.as_dict(value.index())
+    elif isinstance(value, mi.Spectrum) and value.is_uniform():
+        value = {"type": "spectrum", "value": float(value.values[0])}
+    elif isinstance(value, mi.Spectrum):
+        pairs = zip(map(float, value.wavelengths), map(float, value.values), strict=True)
+        value = {"type": "spectrum", "value": list(pairs)}
+    emitter = mi.load_dict({"type": "constant", "radiance": value})
+    if mi.has_flag(emitter.flags(), mi.EmitterFlags.SpatiallyVarying):
+        raise InvalidValue(
+            f"{tree.place(node)}: the path tracer cannot scale this light's texture; give it an "
+            "image or a colour, or leave it as it is"
+        )
+    r, g, b = np.ravel(mi.Color3f(emitter.eval(dr.zeros(mi.SurfaceInteraction3f)))).tolist()
+    return r, g, b
+
+
+def _copied(tree: Tree, node: int) -> int:
+    """A copy of a node; what it refers to is shared."""
+    copy = tree.add(tree.node(node).type, tree.plugin(node))
+    props = tree.node(node).props
+    for name in props:
+        tree.node(copy).props[name] = props[name]
+    return copy
+
+
+def _scaled_picture(tree: Tree, node: int, factor: RGB, folder: Path) -> str:
+    """A node's image times a colour, written as linear EXR; returns the new file's name."""
+    props = tree.node(node).props
+    source = Path(str(props["filename"]))
+    image = mi.Bitmap(str(source))
+    if bool(props.get("raw", False)):
+        image.set_srgb_gamma(False)
+    linear = image.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+    values = np.array(linear) * np.array(factor, np.float32)
+    said = f"{source} {factor} {bool(props.get('raw', False))}"
+    name = f"{source.stem}-{hashlib.sha256(said.encode()).hexdigest()[:8]}.exr"
+    place = folder / name
+    mi.Bitmap(np.ascontiguousarray(values, np.float32)).write(str(place))
+    return str(place)
+
+
+def _number(emitter: Any) -> int:
+    return int(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter))[0])
