@@ -23,6 +23,7 @@ import numpy as np
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Progress
 from burnish.materials.layer import MaterialState
+from burnish.materials.lights import factors, without_lights
 from burnish.reference.bsdf import reflecting_bsdf
 from burnish.reference.film import Estimate, trace
 from burnish.reference.reflectance import (
@@ -62,8 +63,14 @@ def series_image(
     direct_plus_diffuse_indirect: instead of the series, full projected BRDF for direct light
       and the equivalent albedo at every encounter for the rest (2008, figure 7a).
 
-    Raises UnknownName, InvalidValue.
+    Raises UnknownName, InvalidValue; also for a mix of the lights, which it does not have.
     """
+    if factors(state):
+        raise InvalidValue(
+            "a picture with the series' approximations is of the lights as the scene has them: "
+            "reset the lights, or path-trace without a series"
+        )
+    state = without_lights(state)
     if not series or any(n < 1 for n in series):
         raise InvalidValue(f"series must be numbers >= 1, like 64,1,1,1; got {tuple(series)}")
     coarse = series[1] if len(series) > 1 else 1
@@ -99,7 +106,9 @@ def _forms_of(
         CoarseReflectance(material, state, maps, coarse) if coarse > 1 else matte,
         matte,
     ]
-    return tuple(reflecting_bsdf(shape, item.two_sided) for shape in shapes)
+    if item.wrapping.is_plain:
+        return tuple(reflecting_bsdf(shape, item.two_sided) for shape in shapes)
+    return tuple(wrapped(item, lambda sides, s=shape: reflecting_bsdf(s, sides)) for shape in shapes)
 
 
 class _Forms:
@@ -186,7 +195,8 @@ def _paths(
             behind = dr.select(diffused, diffuse, behind)
         throughput = throughput * behind
         mirrors_only &= editable | smooth | (bs.pdf >= MIRROR_PDF)
-        encounters += dr.select(editable, mi.UInt32(1), 0)
+        straight = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
+        encounters += dr.select(editable & ~straight, mi.UInt32(1), 0)
         previous, previous_pdf, previous_smooth = mi.Interaction3f(si), bs.pdf, smooth
         ray = si.spawn_ray(si.to_world(bs.wo))
         depth += 1

@@ -9,14 +9,16 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import Float32, Progress
+from burnish.core.types import RGB, Float32, Progress
 from burnish.materials.layer import MaterialState
+from burnish.materials.lights import factors, without_lights
 from burnish.reference.bsdf import layered_bsdf
 from burnish.reference.film import Estimate, trace
 from burnish.scene import Scene, SceneObject
 
 State = Mapping[str, MaterialState]
-"""Object id to the state of its material; objects that are not named keep the scene's own."""
+"""Object id to the state of its material, and lights by their keys (`materials.lights`); what
+is not named is as the scene has it."""
 
 
 class PathTracedTruth:
@@ -40,7 +42,7 @@ class PathTracedTruth:
             # Roulette only adds noise where the depth is limited anyway
             settings |= {"max_depth": bounces + 1, "rr_depth": bounces + 2}
         self._integrator = mi.load_dict(settings)
-        self._state: dict[str, MaterialState] = {}
+        self._state: tuple[dict[str, MaterialState], dict[str, RGB]] = {}, {}
         self._scene: Any = scene.mi_scene
 
     def render(
@@ -75,7 +77,7 @@ class PathTracedTruth:
         return trace(radiance, self.scene.view(view), spp, seed, progress)
 
     def mi_scene(self, state: State) -> Any:
-        """The mi.Scene with the materials of a state; built again only when they change."""
+        """The mi.Scene with the materials and lights of a state; built again when they change."""
         edited = {
             item.id: item.material.initial
             for item in self.scene.objects
@@ -83,16 +85,18 @@ class PathTracedTruth:
         }
         edited |= {
             object_id: item
-            for object_id, item in state.items()
+            for object_id, item in without_lights(state).items()
             if not is_initial(self.scene.object(object_id), item)
         }
-        if edited != self._state:
+        mixed = factors(state)
+        if (edited, mixed) != self._state:
             bsdfs = {
                 object_id: edited_bsdf(self.scene.object(object_id), item)
                 for object_id, item in edited.items()
             }
-            self._scene = self.scene.with_bsdfs(bsdfs) if bsdfs else self.scene.mi_scene
-            self._state = edited
+            changed = bsdfs or mixed
+            self._scene = self.scene.with_bsdfs(bsdfs, mixed) if changed else self.scene.mi_scene
+            self._state = edited, mixed
         return self._scene
 
 
