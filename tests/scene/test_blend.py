@@ -80,8 +80,14 @@ def test_a_blend_is_mitsubas(weight: Any, two_sided: bool) -> None:
             {"type": "blendbsdf", "a": MATTE, "b": {"type": "twosided", "bsdf": MATTE}},
             "only one part",
         ),
-        ({"type": "mask", "opacity": 0.5, "bsdf": MATTE}, "lets light pass"),
-        ({"type": "bumpmap", "arbitrary": GREY, "bsdf": MATTE}, "bumpmap"),
+        (
+            {"type": "blendbsdf", "a": MATTE, "b": {"type": "mask", "bsdf": METAL}},
+            "second part.*mask or bent normals of its own",
+        ),
+        (
+            {"type": "bumpmap", "arbitrary": GREY, "bsdf": {"type": "mask", "bsdf": MATTE}},
+            "'mask' lies inside",
+        ),
     ],
 )
 def test_what_stays_fixed_says_why(description: dict[str, Any], reason: str) -> None:

@@ -99,57 +99,69 @@ def _passes(tracer: Tracer, seed: int, samples: int) -> Any:
 def _first_encounter(tracer: Tracer, pixel: Any, sampler: Any) -> tuple[Any, Any, Any, Any]:
     """Follow mirror-like fixed vertices to the first symbolic object.
 
-    Returns (hit, symbolic index or -1, met a rough fixed object, filter-weighted ray).
+    Returns (hit, symbolic index or -1, met a rough fixed object, cosθo in the frame that the
+    object's material reflects in).
     """
     width = tracer.view.width
     ray, _ = tracer.camera_ray(mi.Point2u(pixel % width, pixel // width), sampler)
     scene, bounces = tracer.scene.mi_scene, tracer.basis.bounces
 
     def body(
-        ray: Any, hit: Any, symbolic: Any, rough: Any, depth: Any, active: Any, sampler: Any
+        ray: Any,
+        hit: Any,
+        cos_theta_o: Any,
+        symbolic: Any,
+        rough: Any,
+        depth: Any,
+        active: Any,
+        sampler: Any,
     ) -> tuple[Any, ...]:
         si = scene.ray_intersect(ray, mi.RayFlags.All, True, active)
         valid = active & si.is_valid()
         obj, found = tracer.object_of(si, valid)
-        met = valid & (found >= 0)
+        passing = mi.Bool(False)
+        if tracer.materials.masks:
+            passing = tracer.materials.passes(si, obj, sampler.next_1d(), valid & (found != PLAIN))
+        frame = tracer.materials.orient(si, obj, valid & (found != PLAIN))
+        met = valid & (found >= 0) & ~passing
         hit = dr.select(met, si, hit)
+        cos_theta_o = dr.select(met, dr.abs(frame.wo.z), cos_theta_o)
         symbolic = dr.select(met, found, symbolic)
-        plain = valid & ~met
+        plain = valid & ~met & ~passing
         u1, u2 = sampler.next_1d(), sampler.next_2d()
         bs, weight = si.bsdf(ray).sample(mi.BSDFContext(), si, u1, u2, plain & (found == PLAIN))
         mirror = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta) | (bs.pdf >= MIRROR_PDF)
         reflects = plain & dr.any(weight != 0)
         direction = mi.Vector3f(bs.wo)
         if tracer.materials.any_numeric:
-            numeric = plain & (found == NUMERIC)
-            side = dr.select(si.wi.z < 0, -1.0, 1.0)
-            wo = mi.Vector3f(si.wi.x, si.wi.y, si.wi.z * side)
-            wi, pdf, is_delta = tracer.materials.sample(obj, wo, u1, u2)
-            wi.z *= side
-            direction = dr.select(numeric, wi, direction)
+            numeric = plain & (found == NUMERIC) & (frame.wo.z > 0)
+            wi, pdf, is_delta = tracer.materials.sample(obj, frame.wo, u1, u2)
+            direction = dr.select(numeric, frame.to_shading(wi)[0], direction)
             mirror = dr.select(numeric, is_delta | (pdf >= MIRROR_PDF), mirror)
             reflects |= numeric & (pdf > 0)
         # A lobe is sampled both ways in time: one rough sample marks the pixel
         rough |= reflects & ~mirror
         depth += 1
-        ray = si.spawn_ray(si.to_world(direction))
-        return ray, hit, symbolic, rough, depth, reflects & mirror & (depth < bounces), sampler
+        ray = si.spawn_ray(dr.select(passing, ray.d, si.to_world(direction)))
+        going = (passing | (reflects & mirror)) & (depth < bounces)
+        return ray, hit, cos_theta_o, symbolic, rough, depth, going, sampler
 
-    _, hit, symbolic, rough, _, _, _ = dr.while_loop(
+    _, hit, cos_theta_o, symbolic, rough, _, _, _ = dr.while_loop(
         (
             ray,
             dr.zeros(mi.SurfaceInteraction3f, dr.width(pixel)),
+            mi.Float(1),
             mi.Int32(-1),
             mi.Bool(False),
             mi.UInt32(0),
             dr.full(mi.Bool, True, dr.width(pixel)),
             sampler,
         ),
-        lambda *state: state[5],
+        lambda *state: state[6],
         body,
         label="first encounters",
     )
-    return hit, symbolic, rough, ray
+    return hit, symbolic, rough, cos_theta_o
 
 
 def _blank(pixel: Any, index: int, indirect: bool) -> Rows:
@@ -174,13 +186,13 @@ def _average_geometry(tracer: Tracer, seed: int, samples: int, rows: Rows) -> No
     # A literal array would carry its length into the kernel, and compile one for each
     dr.make_opaque(sums)
     for pixel, sampler in _passes(tracer, seed, samples):
-        si, symbolic, _, _ = _first_encounter(tracer, pixel, sampler)
+        si, symbolic, _, cos_theta_o = _first_encounter(tracer, pixel, sampler)
         met = si.is_valid() & (symbolic >= 0)
         row = dr.gather(
             mi.Int32, table, (pixel * objects + mi.UInt32(dr.maximum(symbolic, 0))) * 2, met
         )
         met &= row >= 0
-        values = [1.0, *si.p, *si.n, *si.uv, dr.abs(si.wi.z)]
+        values = [1.0, *si.p, *si.n, *si.uv, cos_theta_o]
         for k, value in enumerate(values):
             dr.scatter_add(sums, mi.Float(value), mi.UInt32(row) * 10 + k, met)
         dr.eval(sums)

@@ -12,7 +12,7 @@ ones are left to Mitsuba's BSDF.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ from burnish.materials.coefficients import coefficients, conserved, outgoing
 from burnish.materials.layer import Layer, MaterialState
 from burnish.materials.model import Model
 from burnish.precompute.lobes import HalfAngleLobes, lobe_of
+from burnish.precompute.orientation import Orientation
 from burnish.precompute.tables import COSINE_SHARE, NONE, LayerTables
 from burnish.scene import Scene
 from burnish.scene.maths import drjit_maths
@@ -119,6 +120,8 @@ class SymbolicMaterials:
             if known[o]
             for group in thing.maps
         ]
+        self.bends = [(o, t.bend) for o, t in enumerate(objects) if known[o] and t.bend]
+        self.masks = [(o, t.opacity) for o, t in enumerate(objects) if known[o] and t.opacity]
         mapped = {(o, group) for o, group, _ in self.maps}
         self.slot_has_map = [
             any(
@@ -146,6 +149,10 @@ class SymbolicMaterials:
         self.layers_of, self.groups_of = _array(mi.UInt32, t.layers), _array(mi.UInt32, t.groups)
         two_sided = np.array([thing.two_sided for thing in self.scene.objects], np.uint32)
         self.two_sided = _array(mi.UInt32, two_sided)
+        self._bend = _array(mi.UInt32, _positions(self.bends, len(two_sided)))
+        self._mask = _array(mi.UInt32, _positions(self.masks, len(two_sided)))
+        flags = [[bend.shadows, bend.two_sided_inside] for _, bend in self.bends] or [[False] * 2]
+        self._bend_flags = _array(mi.UInt32, np.array(flags, np.uint32))
         square = (t.spacing > 1.5).astype(np.uint32)
         blank = np.zeros_like(square)
         fields = (t.model, t.bins, t.column, square, t.indirect_bins, t.indirect_column)
@@ -263,6 +270,34 @@ class SymbolicMaterials:
             value = dr.switch(dr.select(mapped, index, 0), targets, si, mapped)
             result.append(dr.select(mapped, value, 1))
         return result
+
+    # -- what the scene puts round materials -----------------------------------------------
+
+    def passes(self, si: Any, obj: Any, u: Any, active: Any) -> Any:
+        """Lanes of ours that go straight through a mask, chosen at random by its opacity."""
+        index = dr.gather(mi.UInt32, self._mask, obj, active)
+        masked = active & (index != NONE)
+        targets = [_opacity(texture) for _, texture in self.masks]
+        return masked & (u >= dr.switch(dr.select(masked, index, 0), targets, si, masked))
+
+    def orient(self, si: Any, obj: Any, active: Any) -> Orientation:
+        """The frame that materials of ours reflect in; what has one side is black behind."""
+        wo = mi.Vector3f(si.wi)
+        two_sided = dr.gather(mi.UInt32, self.two_sided, obj, active) != 0
+        if not self.bends:
+            flip = active & (wo.z < 0) & two_sided
+            wo.z = dr.select(flip, -wo.z, wo.z)
+            return Orientation(wo, flip)
+        index = dr.gather(mi.UInt32, self._bend, obj, active)
+        bent = active & (index != NONE)
+        index = dr.select(bent, index, 0)
+        shadows = bent & (dr.gather(mi.UInt32, self._bend_flags, 2 * index, bent) != 0)
+        inside = bent & (dr.gather(mi.UInt32, self._bend_flags, 2 * index + 1, bent) != 0)
+        flip = active & (wo.z < 0) & two_sided & ~inside
+        wo.z = dr.select(flip, -wo.z, wo.z)
+        normal = dr.switch(index, [bend.normal for _, bend in self.bends], si, wo, bent)
+        normal = dr.select(bent, normal, mi.Vector3f(0, 0, 1))
+        return Orientation.of(wo, flip, normal, inside, shadows)
 
     # -- what the tracer asks -------------------------------------------------------------
 
@@ -415,6 +450,18 @@ def settled(scene: Scene, symbolic: Collection[str]) -> dict[str, MaterialState]
         for thing in scene.objects
         if thing.material is not None and thing.factory is None and thing.id not in symbolic
     }
+
+
+def _positions(placed: Sequence[tuple[int, Any]], count: int) -> np.ndarray:
+    """Where each object stands in a list of (object, …), or NONE: uint32 [count]."""
+    result = np.full(max(count, 1), NONE, np.uint32)
+    for number, (o, _) in enumerate(placed):
+        result[o] = number
+    return result
+
+
+def _opacity(texture: Any) -> Any:
+    return lambda si, active: texture.eval_1(si, active)
 
 
 def _array(kind: Any, values: np.ndarray) -> Any:

@@ -66,8 +66,9 @@ class Path:
 
 @dataclass
 class Numbers:
-    """The random numbers of one vertex, uniform in [0, 1)."""
+    """The random numbers of one vertex, uniform in [0, 1). opacity: None without masks."""
 
+    opacity: Any
     layer: Any
     light: Any
     lobe: Any
@@ -156,11 +157,18 @@ class Tracer:
         )
 
         # Numbers that are stratified over the pixel for the first vertex, plain ones after it
-        first = Numbers(sampler.next_1d(), sampler.next_2d(), sampler.next_1d(), sampler.next_2d())
+        first = Numbers(
+            sampler.next_1d() if m.masks else None,
+            sampler.next_1d(),
+            sampler.next_2d(),
+            sampler.next_1d(),
+            sampler.next_2d(),
+        )
         random = mi.PCG32(lanes, mi.UInt64(seed))
 
         def body(path: Path, random: Any) -> tuple[Path, Any]:
             later = Numbers(
+                random.next_float32() if m.masks else None,
                 random.next_float32(),
                 mi.Point2f(random.next_float32(), random.next_float32()),
                 random.next_float32(),
@@ -200,6 +208,10 @@ class Tracer:
         # Where the path goes on
         active = path.active & si.is_valid() & (path.depth < self._bounces)
         obj, symbolic = self.object_of(si, active)
+        passing = mi.Bool(False)
+        if m.masks:
+            passing = m.passes(si, obj, numbers.opacity, active & (symbolic != PLAIN))
+            active &= ~passing
         edited = active & (symbolic >= 0)
         plain = active & (symbolic == PLAIN)
         numeric = active & (symbolic == NUMERIC)
@@ -207,11 +219,10 @@ class Tracer:
         second = edited & (path.encounters == 1) if self.coarse else mi.Bool(False)
         later = edited & ~first & ~second
 
-        # The side that the path is on; what has only one side is black on the other
-        wo = mi.Vector3f(si.wi)
+        # The frame that ours reflect in; what has only one side is black on the other
         ours = edited | numeric
-        flip = ours & (wo.z < 0) & (dr.gather(mi.UInt32, m.two_sided, obj, ours) != 0)
-        wo.z = dr.select(flip, -wo.z, wo.z)
+        frame = m.orient(si, obj, ours)
+        wo = frame.wo
         edited, numeric = edited & (wo.z > 0), numeric & (wo.z > 0)
         first, second, later = first & edited, second & edited, later & edited
         ours = edited | numeric
@@ -238,25 +249,25 @@ class Tracer:
         ds, light = scene.sample_emitter_direction(si, numbers.light, True, active)
         lit = active & (ds.pdf != 0)
         light_local = si.to_local(ds.d)
-        wi = mi.Vector3f(light_local)
-        wi.z = dr.select(flip, -wi.z, wi.z)
+        wi, shade = frame.to_local(light_local)
         above = lit & ours & (wi.z > 0)
+        incoming = path.throughput * light
+        ours_incoming = incoming * shade
         bsdf = si.bsdf(ray)
         u1, u2 = numbers.lobe, numbers.direction
         value_plain, pdf_plain, bs, weight_plain = bsdf.eval_pdf_sample(
             mi.BSDFContext(), si, light_local, u1, u2, plain
         )
-        incoming = path.throughput * light
         plain_light = incoming * value_plain * self._light_mis(ds, pdf_plain)
         plain_light = dr.select(lit & plain, plain_light, 0)
         later_light = (
-            incoming * further * (wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi))
+            ours_incoming * further * (wi.z * dr.inv_pi * self._light_mis(ds, wi.z * dr.inv_pi))
         )
         path.pending = dr.select(later & above, later_light, 0)
 
         # The light's own column at a first encounter, its own coarse bin at a second one
         columns = m.columns(layouts, wi, wo, H, fine | numeric, (first | numeric) & above)
-        ours_light = incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo)))
+        ours_light = ours_incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo)))
         value = dr.select(first, ours_light, 0)
         if m.any_numeric:
             reflected = m.contract(obj, columns, wo, mi.Bool(False), numeric & above)
@@ -268,7 +279,7 @@ class Tracer:
             w, q = m.coarse_column(obj, layouts, slot, wi, wo, second & above)
             pdf = m.pdf_layer(obj, slot, wi, wo)
             value = dr.select(
-                second, incoming * further * (q * wi.z * self._light_mis(ds, pdf)), value
+                second, ours_incoming * further * (q * wi.z * self._light_mis(ds, pdf)), value
             )
             tail = dr.select(second, 1 + w * self._monomial_count, tail)
             columns = [_select_terms(first, a, b) for a, b in zip(columns, path.terms, strict=True)]
@@ -303,18 +314,19 @@ class Tracer:
         path.monomial = monomial
 
         # Move on
-        wi_next.z = dr.select(flip, -wi_next.z, wi_next.z)
-        direction = si.to_world(dr.select(plain, bs.wo, wi_next))
+        outward, shade = frame.to_shading(wi_next)
+        direction = si.to_world(dr.select(plain, bs.wo, outward))
         plain_delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
-        path.throughput *= dr.select(plain, weight_plain, factor)
+        path.throughput *= dr.select(plain, weight_plain, dr.select(passing, 1, factor * shade))
         path.previous_pdf = dr.select(plain, bs.pdf, pdf_next)
-        path.previous_delta = dr.select(plain, plain_delta, is_delta)
+        path.previous_delta = dr.select(plain, plain_delta, is_delta) | passing
         mirror = dr.select(plain, plain_delta, is_delta) | (path.previous_pdf >= MIRROR_PDF)
-        path.mirror_chain &= ~edited & mirror
+        path.mirror_chain &= passing | (~edited & mirror)
         path.previous = mi.Interaction3f(si)
-        path.ray = si.spawn_ray(direction)
+        path.ray = si.spawn_ray(dr.select(passing, ray.d, direction))
         path.depth += 1
-        path.active = active & (dr.any(path.throughput != 0) | dr.any(path.pending != 0))
+        going = dr.any(path.throughput != 0) | dr.any(path.pending != 0)
+        path.active = passing | (active & going)
 
     # -- pieces ---------------------------------------------------------------------------
 
@@ -358,6 +370,7 @@ def mis(a: Any, b: Any) -> Any:
 
 def _select_numbers(condition: Any, a: Numbers, b: Numbers) -> Numbers:
     return Numbers(
+        None if a.opacity is None else dr.select(condition, a.opacity, b.opacity),
         dr.select(condition, a.layer, b.layer),
         dr.select(condition, a.light, b.light),
         dr.select(condition, a.lobe, b.lobe),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
@@ -13,6 +13,7 @@ import mitsuba as mi
 from burnish.materials.layer import Material, MaterialState
 from burnish.reference.reflectance import Reflectance, TrueReflectance
 from burnish.scene.maps import WeightMap
+from burnish.scene.objects import SceneObject
 
 PLUGIN = "burnish_layered"
 
@@ -34,6 +35,17 @@ def layered_bsdf(
 def reflecting_bsdf(reflectance: Reflectance, two_sided: bool) -> Any:
     """An mi.BSDF that reflects by any form of a material."""
     return layered_class()(mi.Properties(PLUGIN), reflectance, two_sided)
+
+
+def wrapped(item: SceneObject, make: Callable[[bool], Any]) -> Any:
+    """A BSDF of ours with what the scene puts round an object's: masks, bent normals.
+
+    make: the BSDF, given whether it reflects on both faces by itself.
+    """
+    if item.wrapping.is_plain:
+        return make(item.two_sided)
+    inner = make(item.two_sided and not item.wrapping.two_sided)
+    return mi.load_dict(item.wrapping.around(inner))
 
 
 def layered_class() -> Any:

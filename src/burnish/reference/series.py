@@ -14,6 +14,7 @@ Everything else is a textbook path tracer with next-event estimation.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -24,7 +25,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import Progress
 from burnish.materials.layer import MaterialState
 from burnish.materials.lights import factors, without_lights
-from burnish.reference.bsdf import reflecting_bsdf
+from burnish.reference.bsdf import reflecting_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
 from burnish.reference.reflectance import (
     CoarseReflectance,
@@ -106,9 +107,7 @@ def _forms_of(
         CoarseReflectance(material, state, maps, coarse) if coarse > 1 else matte,
         matte,
     ]
-    if item.wrapping.is_plain:
-        return tuple(reflecting_bsdf(shape, item.two_sided) for shape in shapes)
-    return tuple(wrapped(item, lambda sides, s=shape: reflecting_bsdf(s, sides)) for shape in shapes)
+    return tuple(wrapped(item, partial(reflecting_bsdf, shape)) for shape in shapes)
 
 
 class _Forms:

@@ -12,7 +12,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import RGB, Float32, Progress
 from burnish.materials.layer import MaterialState
 from burnish.materials.lights import factors, without_lights
-from burnish.reference.bsdf import layered_bsdf
+from burnish.reference.bsdf import layered_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
 from burnish.scene import Scene, SceneObject
 
@@ -105,7 +105,10 @@ def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
     if item.material is None:
         raise InvalidValue(f"object {item.id!r} cannot be edited: {item.reason}; leave it out")
     own = item.edited_bsdf(state)
-    return own if own is not None else layered_bsdf(item.material, state, item.maps, item.two_sided)
+    if own is not None:
+        return own
+    material, maps = item.material, item.maps
+    return wrapped(item, lambda sides: layered_bsdf(material, state, maps, sides))
 
 
 def is_initial(item: SceneObject, state: MaterialState) -> bool:

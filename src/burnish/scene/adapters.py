@@ -30,6 +30,7 @@ from burnish.scene import principled
 from burnish.scene.blend import blend
 from burnish.scene.reader import Description, Fixed, Read, Reader, rgb
 from burnish.scene.textures import interreflected, texture_mean
+from burnish.scene.wrapping import Wrapping, unwrap
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Adapted:
     material: None when it stays fixed, and then `reason` says why. two_sided: whether both
     faces reflect. maps: for each layer group with a texture, the Mitsuba dictionary of the
     texture that is its H. describe: gives the dictionary of Mitsuba's own plugin for a state,
-    or None where no plugin holds it.
+    or None where no plugin holds it. wrapping: what is round it.
     """
 
     material: Material | None
@@ -47,6 +48,7 @@ class Adapted:
     two_sided: bool = False
     maps: Mapping[str, Description] = field(default_factory=dict)
     describe: Callable[[MaterialState], Description | None] | None = None
+    wrapping: Wrapping = field(default_factory=Wrapping)
 
     def edited_bsdf(self, state: MaterialState) -> Any | None:
         """Mitsuba's own plugin for a state (mi.BSDF), or None."""
@@ -56,29 +58,29 @@ class Adapted:
 
 def adapt(description: Description) -> Adapted:
     """The editable material of a BSDF description, or why there is none."""
-    two_sided = description["type"] == "twosided"
+    wrapping = Wrapping()
     try:
-        inner = _inside(description)
+        wrapping, inner = unwrap(description)
         kind = inner["type"]
         if kind == "blendbsdf":
-            found = blend(inner, two_sided, adapt)
-            both = two_sided or found.parts[0].two_sided
-            return Adapted(found.material, "", both, found.maps, found.describe)
-        if kind in _UNSUPPORTED:
-            raise Fixed(_UNSUPPORTED[kind])
+            found = blend(inner, adapt)
+            describe = _Wrapped(wrapping, found.describe)
+            both = wrapping.two_sided or found.two_sided
+            return Adapted(found.material, "", both, found.maps, describe, wrapping)
         if kind not in _KINDS:
             raise Fixed(f"its BSDF is '{kind}'; editable are {', '.join(sorted(_KINDS))}")
         read = Reader(inner)
         material, maps = _KINDS[kind](read)
     except Fixed as reason:
-        return Adapted(None, str(reason), two_sided)
+        return Adapted(None, str(reason), wrapping.two_sided)
     for layer in material.layers:
         for parameter in material.parameters(layer.name):
             try:
                 parameter.validate(material.initial.layers[layer.name].values[parameter.name])
             except InvalidValue as error:
-                return Adapted(None, f"its {layer.name} {error}", two_sided)
-    return Adapted(material, "", two_sided, maps, _Writer(inner, material, two_sided, read))
+                return Adapted(None, f"its {layer.name} {error}", wrapping.two_sided)
+    describe = _Wrapped(wrapping, _Writer(inner, material, read))
+    return Adapted(material, "", wrapping.two_sided, maps, describe, wrapping)
 
 
 def with_gloss(material: Material, model: Model | None = None) -> Material:
@@ -103,20 +105,6 @@ def with_gloss(material: Material, model: Model | None = None) -> Material:
 
 
 # -- reading --------------------------------------------------------------------------------
-
-
-def _inside(description: Description) -> Description:
-    """The BSDF inside `twosided`."""
-    if description["type"] != "twosided":
-        return description
-    nested = [
-        value
-        for key, value in description.items()
-        if isinstance(value, Mapping) and not key.startswith("_id")
-    ]
-    if len(nested) != 1:
-        raise Fixed("its two faces have different BSDFs")
-    return _inside(nested[0])
 
 
 def _diffuse(read: Reader) -> Read:
@@ -211,13 +199,6 @@ def _coated(read: Reader, distribution: Distribution, alpha: float) -> Read:
     return Material((base, coat), initial, links), maps
 
 
-_UNSUPPORTED = {
-    "mask": "its 'mask' lets light pass where it is open",
-    "bumpmap": "its normals are bent by a 'bumpmap'",
-    "normalmap": "its normals are bent by a 'normalmap'",
-}
-"""Why a BSDF stays fixed though what it wraps could be edited."""
-
 _KINDS: dict[str, Callable[[Reader], Read]] = {
     "diffuse": _diffuse,
     "conductor": _conductor,
@@ -237,12 +218,24 @@ def is_freehand(layer: LayerState) -> bool:
 
 
 @dataclass(frozen=True)
+class _Wrapped:
+    """Describes a BSDF inside what the scene puts round it."""
+
+    wrapping: Wrapping
+    inner: Callable[[MaterialState], Description | None]
+
+    def __call__(self, state: MaterialState) -> Description | None:
+        """The dictionary, or None where there is none of the BSDF inside."""
+        described = self.inner(state)
+        return None if described is None else self.wrapping.around(described)
+
+
+@dataclass(frozen=True)
 class _Writer:
     """Describes Mitsuba's own plugin in an edited state."""
 
     description: Description
     material: Material
-    two_sided: bool
     read: Reader
 
     def __call__(self, state: MaterialState) -> Description | None:
@@ -254,21 +247,21 @@ class _Writer:
         if any(is_freehand(state.layers[name]) for name in own):
             return None
         if self.description["type"] == "principled":
-            return self._sided(lambda: principled.edited(self.read, self.material, state))
+            return self._held(lambda: principled.edited(self.read, self.material, state))
         colours: dict[str, RGB] = {}
         for name in own:
             layer = state.layers[name]
             strength = layer.weight if layer.enabled else 0.0
             r, g, b = (strength * float(c) for c in layer.values["color"])  # type: ignore[union-attr]
             colours[name] = (r, g, b)
-        return self._sided(lambda: self._edited(state, colours))
+        return self._held(lambda: self._edited(state, colours))
 
-    def _sided(self, describe: Callable[[], dict[str, Any]]) -> Description | None:
+    @staticmethod
+    def _held(describe: Callable[[], dict[str, Any]]) -> Description | None:
         try:
-            edited = describe()
+            return describe()
         except Fixed:
             return None
-        return {"type": "twosided", "bsdf": edited} if self.two_sided else edited
 
     def _edited(self, state: MaterialState, colours: Mapping[str, RGB]) -> dict[str, Any]:
         kind = self.description["type"]

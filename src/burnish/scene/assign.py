@@ -12,6 +12,7 @@ from burnish.core.errors import InvalidValue
 from burnish.materials.layer import Material
 from burnish.materials.registry import material_to_json
 from burnish.scene.objects import is_light
+from burnish.scene.wrapping import Wrapping
 
 if TYPE_CHECKING:
     from burnish.scene.loading import Scene
@@ -43,7 +44,14 @@ def assigned(scene: Scene, materials: Mapping[str, Material]) -> Scene:
                 "which an assigned material cannot have; leave group empty"
             )
         objects[index] = replace(
-            objects[index], material=material, reason="", maps={}, factory=None
+            objects[index],
+            material=material,
+            reason="",
+            maps={},
+            factory=None,
+            wrapping=Wrapping(({"type": "twosided"},) if objects[index].two_sided else ()),
+            opacity=None,
+            bend=None,
         )
         digest.update(json.dumps([object_id, material_to_json(material)]).encode())
     return replace(scene, objects=tuple(objects), hash=digest.hexdigest())

@@ -28,7 +28,11 @@ class Blend:
     maps: dict[str, Description]
     weight: Any
     parts: tuple[Adapted, Adapted]
-    two_sided: bool
+
+    @property
+    def two_sided(self) -> bool:
+        """Whether its parts reflect on both faces."""
+        return self.parts[0].two_sided
 
     def describe(self, state: MaterialState) -> Description | None:
         """Mitsuba's blendbsdf of a state, None where one of its two has no plugin."""
@@ -48,13 +52,10 @@ class Blend:
                 return None
         if set(state.layers) != {layer.name for layer in self.material.layers}:
             return None
-        blended = {"type": "blendbsdf", "weight": self.weight, **edited}
-        return {"type": "twosided", "bsdf": blended} if self.two_sided else blended
+        return {"type": "blendbsdf", "weight": self.weight, **edited}
 
 
-def blend(
-    description: Description, two_sided: bool, adapt: Callable[[Description], Adapted]
-) -> Blend:
+def blend(description: Description, adapt: Callable[[Description], Adapted]) -> Blend:
     """A `blendbsdf` as layers. Raises Fixed."""
     children = [
         value
@@ -67,6 +68,8 @@ def blend(
     for prefix, part in zip(PREFIXES, (first, second), strict=True):
         if part.material is None:
             raise Fixed(f"the {prefix} part of its blend cannot be edited: {part.reason}")
+        if not part.wrapping.is_plain:
+            raise Fixed(f"the {prefix} part of its blend has a mask or bent normals of its own")
     if first.two_sided != second.two_sided:
         raise Fixed("only one part of its blend is two-sided")
     weight = description.get("weight", 0.5)
@@ -94,4 +97,4 @@ def blend(
             for link in part.material.links
         ]
     material = Material(tuple(layers), MaterialState(states), tuple(links))
-    return Blend(material, maps, weight, (first, second), two_sided)
+    return Blend(material, maps, weight, (first, second))

@@ -27,6 +27,7 @@ from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_light
 from burnish.scene.tree import Tree
 from burnish.scene.views import View, prepare_sensors, views_of
+from burnish.scene.wrapping import BENDS
 
 
 @dataclass(frozen=True)
@@ -312,7 +313,15 @@ def _describe(
         group: WeightMap(mi.load_dict(texture), mi_scene, tuple(shapes))
         for group, texture in read.maps.items()
     }
-    return replace(item, material=read.material, maps=maps, factory=read.describe)
+    return replace(
+        item,
+        material=read.material,
+        maps=maps,
+        factory=read.describe,
+        wrapping=read.wrapping,
+        opacity=read.wrapping.opacity(),
+        bend=read.wrapping.bend(read.two_sided),
+    )
 
 
 def _restricted(scene: Scene, editable: Sequence[str]) -> Scene:
@@ -356,12 +365,12 @@ def _check_vertices(tree: Tree, draft: Draft, shapes: list[Any]) -> None:
 
 
 def _plugin_inside(tree: Tree, bsdf: int | None) -> str:
-    """The BSDF's plugin, inside `twosided`."""
+    """The BSDF's plugin, inside `twosided`, masks and bent normals."""
     if bsdf is None:
         return "diffuse"
     inner = tree.children(bsdf, mi.ObjectType.BSDF)
-    if tree.plugin(bsdf) == "twosided" and inner:
-        return tree.plugin(inner[0][1])
+    if tree.plugin(bsdf) in ("mask", "twosided", *BENDS) and inner:
+        return _plugin_inside(tree, inner[0][1])
     return tree.plugin(bsdf)
 
 

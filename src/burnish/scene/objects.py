@@ -12,6 +12,7 @@ import mitsuba as mi
 from burnish.materials.layer import Material, MaterialState
 from burnish.scene.maps import WeightMap
 from burnish.scene.tree import Tree, UniqueNames
+from burnish.scene.wrapping import Bend, Wrapping
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class SceneObject:
     plugin: Mitsuba's name of its BSDF, inside `twosided`. bsdf: the scene's own mi.BSDF.
     factory: the dictionary of Mitsuba's own plugin in a state, None where none holds it; None
     itself where the material is not the scene's.
+    wrapping: what the scene puts round the material; of it, opacity: mi.Texture of a mask, and
+    bend: how it bends normals.
     """
 
     id: str
@@ -36,6 +39,9 @@ class SceneObject:
     two_sided: bool = False
     maps: Mapping[str, WeightMap] = field(default_factory=dict)
     factory: Callable[[MaterialState], Mapping[str, Any] | None] | None = None
+    wrapping: Wrapping = field(default_factory=Wrapping)
+    opacity: Any = None
+    bend: Bend | None = None
 
     @property
     def editable(self) -> bool:

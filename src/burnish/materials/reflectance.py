@@ -1,0 +1,89 @@
+"""What a material in a state reflects, in NumPy: the BRDF itself, and how far two differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from burnish.core.types import Float64
+from burnish.materials.coefficients import conserved, edited_profile, outgoing
+from burnish.materials.components import grid
+from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.maths import Vector, numpy_maths
+
+
+def reflectance(material: Material, state: MaterialState, wi: Vector, wo: Vector) -> Float64:
+    """ρ(ωi, ωo): float64 [3, n], linear RGB, no cosine; weight maps and delta lobes left out.
+
+    wi, wo: unit directions above the surface, components float64 [n]. From each model's own
+    formula, or through its quotients where a curve was drawn on a layer.
+    """
+    settled = conserved(material, state)
+    total = np.zeros((3, len(wi.z)))
+    for layer in material.layers:
+        own = settled.layers[layer.name]
+        if own.enabled and own.weight > 0:
+            total += own.weight * layer_reflectance(layer, own, wi, wo)
+    return total
+
+
+def layer_reflectance(layer: Layer, state: LayerState, wi: Vector, wo: Vector) -> Float64:
+    """One layer's ρ, its weight left out: float64 [3, n]."""
+    model = layer.model
+    if state.curve is None and state.outgoing_curve is None:
+        channels = model.evaluate(numpy_maths, wi, wo, {**layer.fixed, **state.values})
+        return np.stack([np.broadcast_to(channel, wi.z.shape) for channel in channels])
+    t = np.clip(model.coordinate(numpy_maths, wi, wo, layer.fixed), 0.0, 1.0)
+    profile = edited_profile(layer, state, np.broadcast_to(t, wi.z.shape))
+    quotients = model.quotients(numpy_maths, wi, wo, layer.fixed)
+    amplitudes = model.amplitudes(state.values, layer.fixed)
+    scale = sum(a[:, None] * q for a, q in zip(amplitudes, quotients, strict=True))
+    factor = outgoing(layer, state, wo.z, delta=False)
+    return np.asarray(scale * profile.T * (1.0 if factor is None else factor.T))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far one material is from another.
+
+    rms: relative RMS of ρ over all pairs of directions, each weighted by cosθi cosθo and its
+    solid angles. albedo: relative change of the share of uniform light that is reflected,
+    of the worst channel.
+    """
+
+    rms: float
+    albedo: float
+
+    def words(self) -> str:
+        """The figures as a user reads them."""
+        return (
+            f"{100 * self.rms:.2g} % RMS over all pairs of directions, "
+            f"{100 * self.albedo:.2g} % in the reflected light"
+        )
+
+
+def sample_directions() -> tuple[Vector, Vector, Float64]:
+    """ωi and ωo, components float64 [n], and weights float64 [n] that add to 1.
+
+    The quadrature of `components.grid`, for isotropic materials: dense about the highlight.
+    The weights hold cosθi cosθo and the solid angles of both directions.
+    """
+    nodes = grid()
+    used = nodes.weight > 0
+    wi, wo = (Vector(*(np.asarray(a)[used] for a in w)) for w in (nodes.wi, nodes.wo))
+    return wi, wo, nodes.weight[used]
+
+
+def difference(true: Float64, other: Float64, weight: Float64) -> Difference:
+    """Between two BRDFs sampled at `sample_directions`, each float64 [3, n].
+
+    A material that reflects nothing differs by 0 from its like and by 1 from any other.
+    """
+    square = float(np.sum(true**2 * weight))
+    off = float(np.sum((other - true) ** 2 * weight))
+    if square == 0:
+        return Difference(float(off > 0), float(off > 0))
+    energy, change = (true * weight).sum(axis=1), ((other - true) * weight).sum(axis=1)
+    scale = np.maximum(energy, 1e-3 * energy.max())
+    return Difference(float(np.sqrt(off / square)), float(np.max(np.abs(change) / scale)))
