@@ -13,7 +13,7 @@ import pytest
 
 from burnish.materials.models.cook_torrance import CookTorranceConductor
 from burnish.materials.models.lambert import Lambert
-from burnish.precompute.lobes import CELLS
+from burnish.precompute.lobes import CELLS, EVEN_SHARE, coarse_lobe_of
 from burnish.precompute.plan import basis_for
 from burnish.precompute.symbolic import SymbolicMaterials
 from burnish.scene import Scene
@@ -41,6 +41,7 @@ def scene() -> Scene:
             "glossy": plane(z=1),
             "sharp": plane(z=2),
             "metal": plane(z=3),
+            "mirror": plane(z=4),
             "sky": SKY,
             "view": camera((0, -5, 5), (0, 0, 0)),
         },
@@ -49,6 +50,7 @@ def scene() -> Scene:
             "glossy": blinn(GREY, GREY, 40.0),
             "sharp": blinn(GREY, GREY, 2000.0),
             "metal": metal(0.1),
+            "mirror": metal(0.0),
         },
         resolution=(4, 4),
     )
@@ -56,11 +58,12 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def kinds(scene: Scene) -> dict[str, SymbolicMaterials]:
-    """Symbolic, symbolic with the lobes following the state, and settled materials."""
+    """Symbolic, with coarse bins, with the lobes following the state, and settled materials."""
     everything, one = basis_for(scene), basis_for(scene, ["matte"])
     numeric = {name: state for name, state in initial(scene).items() if name != "matte"}
     return {
         "symbolic": SymbolicMaterials(scene, everything),
+        "coarse": SymbolicMaterials(scene, basis_for(scene, series=(64, 8, 1))),
         "following": SymbolicMaterials(scene, everything, follow=initial(scene)),
         "settled": SymbolicMaterials(scene, one, numeric=numeric),
     }
@@ -168,7 +171,12 @@ def test_a_first_encounter_s_directions(
     chi_squared(outgoing, sample, pdf, len(CASES))
 
 
-LAYERS = [(name, slot, wo) for name in ("glossy", "metal") for slot in (0, 1) for wo in DIRECTIONS]
+LAYERS = [
+    (name, slot, wo)
+    for name in ("glossy", "metal", "mirror")
+    for slot in (0, 1)
+    for wo in DIRECTIONS
+]
 
 
 @pytest.mark.parametrize(("name", "slot", "wo"), LAYERS)
@@ -179,7 +187,7 @@ def test_a_second_encounter_s_directions(
     slot: int,
     wo: tuple[float, float, float],
 ) -> None:
-    materials, obj = kinds["symbolic"], index_of(scene, name)
+    materials, obj = kinds["coarse"], index_of(scene, name)
     outgoing = dr.normalize(mi.Vector3f(*wo))
 
     def sample(u: Any) -> tuple[Any, Any]:
@@ -200,6 +208,27 @@ def test_a_second_encounter_s_directions(
         )
 
     chi_squared(outgoing, sample, pdf, len(LAYERS))
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 32, 96])
+@pytest.mark.parametrize("alpha", [0.0, 0.3])
+def test_every_coarse_bin_is_drawn_as_its_energy_asks(count: int, alpha: float) -> None:
+    """Half evenly and half by the energy, and within a bin evenly in solid angle."""
+    layer = metal(alpha).layers[1].with_bins(96)
+    state = metal(alpha).initial.layers["specular"]
+    cells = coarse_lobe_of(layer, state, count)
+    assert cells.sum() == pytest.approx(1)
+    assert cells.min() > 0
+    # Any one bin has its even share, wherever its edges are among the cells
+    edges = np.sqrt(layer.edges[-(-np.arange(count + 1) * 96 // count)])
+    drawn = np.diff(np.interp(edges, np.linspace(0, 1, CELLS + 1), np.append(0, cells.cumsum())))
+    if CELLS % count == 0:
+        assert drawn.min() >= EVEN_SHARE / count * (1 - 1e-9)
+        assert drawn[0] > 0.5 or alpha > 0 or count == 1
+        u = np.linspace(0, 1, CELLS + 1)
+        per_steradian = cells / np.diff(-np.cos(np.pi / 2 * u**2))
+        of_a_bin = per_steradian.reshape(count, -1)
+        np.testing.assert_allclose(of_a_bin, of_a_bin[:, :1] + 0 * of_a_bin, rtol=1e-6)
 
 
 def test_the_sampled_density_is_the_one_that_is_reported(

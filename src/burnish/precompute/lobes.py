@@ -16,11 +16,19 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import Float64
-from burnish.materials.coefficients import coefficients, energies
-from burnish.materials.layer import Layer, MaterialState
+from burnish.materials.coefficients import (
+    coarse_coefficients,
+    coarse_energies,
+    coefficients,
+    energies,
+)
+from burnish.materials.layer import Layer, LayerState, MaterialState
 
 CELLS = 64
 """Cells of u over which the half-angle lobe's density is constant."""
+
+EVEN_SHARE = 0.5
+"""Of the directions for a coarse encounter, the share that is even over the coarse bins."""
 
 
 def lobe_of(layers: Sequence[Layer], state: MaterialState) -> tuple[Float64, float, float]:
@@ -53,6 +61,33 @@ def lobe_of(layers: Sequence[Layer], state: MaterialState) -> tuple[Float64, flo
             cells += per_bin.sum() / CELLS
     cells = cells / cells.sum() if cells.sum() > 0 else np.full(CELLS, 1 / CELLS)
     return cells, glossy / total, delta / total
+
+
+def coarse_lobe_of(layer: Layer, state: LayerState, count: int) -> Float64:
+    """Where the energy of a layer may lie at an encounter that uses coarse bins.
+
+    The coefficients are constant over a coarse bin, and so are the half vectors drawn in it,
+    per steradian. The bins share the directions half evenly, since a later material may have
+    its energy in any of them, and half as the energy lies in the given state. A delta lobe
+    lies in the first bin, under a hundredth of a steradian with 8 of them: with a density
+    that does not know that bin's size, its mirror images of lamps come as rare bright paths.
+    Returns the share of each cell of u: float64 [CELLS], sum 1.
+    """
+    if layer.model.coordinate_name != "theta_h":
+        return np.full(CELLS, 1 / CELLS)
+    energy = coarse_coefficients(layer, state, count) * coarse_energies(layer, count)[:, None]
+    share = np.maximum(energy.mean(axis=1), 0.0)
+    share = share / share.sum() if share.sum() > 0 else np.full(count, 1 / count)
+    share = EVEN_SHARE / count + (1 - EVEN_SHARE) * share
+    # The first fine bin of each coarse bin; θh = (π/2) t = (π/2) u²
+    first = -(-np.arange(count + 1) * layer.bins // count)
+    edges = np.sqrt(layer.edges[first])
+    u = np.unique(np.concatenate([edges, np.linspace(0, 1, CELLS + 1)]))
+    bin_ = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, count - 1)
+    below, above = (1 - np.cos(np.pi / 2 * edges[bin_ + k] ** 2) for k in (0, 1))
+    within = (1 - np.cos(np.pi / 2 * u**2) - below) / (above - below)
+    cumulative = (np.cumsum(share) - share)[bin_] + share[bin_] * within
+    return np.diff(np.interp(np.linspace(0, 1, CELLS + 1), u, cumulative))
 
 
 class HalfAngleLobes:

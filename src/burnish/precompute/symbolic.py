@@ -23,12 +23,12 @@ import numpy as np
 from burnish.materials.coefficients import coefficients, conserved, outgoing
 from burnish.materials.layer import Layer, MaterialState
 from burnish.materials.model import Model
-from burnish.precompute.lobes import HalfAngleLobes, lobe_of
+from burnish.precompute.lobes import HalfAngleLobes, coarse_lobe_of, lobe_of
 from burnish.precompute.orientation import Orientation
-from burnish.precompute.tables import COSINE_SHARE, NONE, LayerTables
+from burnish.precompute.tables import NONE, SECOND_COSINE_SHARE, LayerTables
 from burnish.scene import Scene
 from burnish.scene.maths import drjit_maths
-from burnish.transport.basis import Basis, State
+from burnish.transport.basis import Basis, State, coarse_count
 
 PLAIN, NUMERIC = -1, -2
 NUMERIC_BINS = 512
@@ -140,6 +140,7 @@ class SymbolicMaterials:
         self._shares = tables.half_share, tables.delta_share
         self._upload(tables, symbolic)
         self.lobes = HalfAngleLobes(len(objects), bool(follow) or self.any_numeric)
+        self.layer_lobes = HalfAngleLobes(len(objects) * max(self.slots, 1), True)
         self._shape_lobes(follow or {})
         self._tabulate()
 
@@ -182,8 +183,23 @@ class SymbolicMaterials:
                 share = 0.2 + 0.6 * glossy / max(1 - delta, 1e-6)
                 half_share[o] = (1 - delta_share[o]) * share
         self.lobes.upload()
+        self._shape_layer_lobes(follow)
         self.half_share = _array(mi.Float, half_share)
         self.delta_share = _array(mi.Float, delta_share)
+
+    def _shape_layer_lobes(self, follow: State) -> None:
+        """Let a second encounter's sampling follow, half-way, the given or the first states."""
+        if not self.basis.coarse:
+            return
+        for o, (thing, layers) in enumerate(zip(self.scene.objects, self.layered, strict=True)):
+            if thing.id in self._numeric or thing.material is None:
+                continue
+            state = conserved(thing.material, follow.get(thing.id, thing.material.initial))
+            for s, layer in enumerate(layers):
+                count = coarse_count(layer, self.basis.coarse_bins)
+                cells = coarse_lobe_of(layer, state.layers[layer.name], count)
+                self.layer_lobes.set(o * max(self.slots, 1) + s, cells, 0.0)
+        self.layer_lobes.upload()
 
     def follow(self, state: State) -> None:
         """Change what sampling follows; no kernel is compiled anew."""
@@ -418,23 +434,29 @@ class SymbolicMaterials:
         return column, quotient
 
     def sample_layer(self, obj: Any, slot: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any]:
-        """A direction for one layer: cosine for a broad one, half the bins for a glossy one."""
-        share = self._layer_half_share(obj, slot)
+        """A direction for one layer at a second encounter, and its density per steradian.
+
+        Cosine for a broad layer; for a glossy one a mixture with half vectors that know the
+        coarse bins (see `coarse_lobe_of`).
+        """
+        entry = obj * max(self.slots, 1) + slot
         wi = dr.select(
-            u1 < share, self.lobes.sample(obj, wo, u2), mi.warp.square_to_cosine_hemisphere(u2)
+            u1 < self._layer_half_share(entry),
+            self.layer_lobes.sample(entry, wo, u2),
+            mi.warp.square_to_cosine_hemisphere(u2),
         )
         return wi, self.pdf_layer(obj, slot, wi, wo)
 
     def pdf_layer(self, obj: Any, slot: Any, wi: Any, wo: Any) -> Any:
         """Density per steradian of `sample_layer`."""
-        share = self._layer_half_share(obj, slot)
-        density = share * self.lobes.pdf(obj, wi, wo)
+        entry = obj * max(self.slots, 1) + slot
+        share = self._layer_half_share(entry)
+        density = share * self.layer_lobes.pdf(entry, wi, wo)
         density += (1 - share) * dr.maximum(wi.z, 0) * dr.inv_pi
         return dr.select((wi.z > 0) & (wo.z > 0), density, 0)
 
-    def _layer_half_share(self, obj: Any, slot: Any) -> Any:
-        entry = obj * max(self.slots, 1) + slot
-        return (1 - COSINE_SHARE) * dr.gather(mi.Float, self._half, entry)
+    def _layer_half_share(self, entry: Any) -> Any:
+        return (1 - SECOND_COSINE_SHARE) * dr.gather(mi.Float, self._half, entry)
 
 
 def share_of(j: Any, count: Any, bins: Any) -> Any:

@@ -17,6 +17,8 @@ from burnish.transport.basis import Basis, coarse_count
 
 NONE = 0xFFFFFFFF
 COSINE_SHARE = 0.5
+SECOND_COSINE_SHARE = 0.25
+"""Of a glossy layer at a second encounter, whose other lobe covers every bin evenly."""
 DELTA_SHARE = 0.25
 
 
