@@ -12,6 +12,7 @@ import numpy as np
 from burnish.core.errors import InvalidValue, MissingFile
 from burnish.core.types import Float32, Progress
 from burnish.core.version import __version__
+from burnish.materials.lights import Light
 from burnish.precompute.bake import ViewPlan, plan_views, samples_for, strata, trace_tile
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.renderer import Renderer
@@ -104,6 +105,7 @@ def describe(
         objects=tuple(ObjectHeader(item.id, item.editable, item.reason) for item in scene.objects),
         provenance=provenance,
         name=scene.name,
+        lights=tuple(Light(light.name, light.kind) for light in scene.lights),
     )
 
 

@@ -108,12 +108,14 @@ class Accumulator:
         y = rows.pixel // tracer.view.width - rectangle.y
         local = y * rectangle.width + x
         table[local, rows.object, rows.indirect.astype(np.int32)] = self.layout.offsets
+        lights = max(tracer.groups.count, 1)
         self.target = Target(
             rows=mi.UInt32(table.ravel()),
             transport=dr.zeros(mi.Float, max(self.layout.values, 1) * 3),
-            fixed=dr.zeros(mi.Float, pixels * 3),
-            emission=dr.zeros(mi.Float, pixels * 3),
+            fixed=dr.zeros(mi.Float, lights * pixels * 3),
+            emission=dr.zeros(mi.Float, lights * pixels * 3),
             lost=dr.zeros(mi.UInt32, 1),
+            pixels=dr.opaque(mi.UInt32, pixels),
         )
         self.samples = 0
 
@@ -156,7 +158,9 @@ class Accumulator:
         return self.layout.split(values[: self.layout.values * 3])
 
     def image(self, buffer: Any) -> Float32:
-        """A per-pixel sum as float32 [height, width, 3], per sample."""
-        shape = (self.rectangle.height, self.rectangle.width, 3)
+        """A per-pixel sum as float32 [height, width, 3], per sample; [lights, height, width, 3]
+        where light groups are told apart."""
+        apart = (self.tracer.groups.count,) if self.tracer.groups.count else ()
+        shape = (*apart, self.rectangle.height, self.rectangle.width, 3)
         scale = np.float32(1 / max(self.samples, 1))
         return np.asarray(np.array(buffer).reshape(shape) * scale, np.float32)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from burnish.core.errors import InvalidValue, TooLarge
+from burnish.materials.lights import grouped
 from burnish.precompute.accumulate import Rectangle
 from burnish.scene import Scene
 from burnish.transport.basis import Basis, EditableObject
@@ -29,11 +30,13 @@ def basis_for(
     editable: Sequence[str] | None = None,
     series: Sequence[int] = (64, 1, 1, 1),
     bins: Mapping[str, int] | None = None,
+    light_groups: Sequence[str] = (),
 ) -> Basis:
     """The basis of a bake of the chosen objects (all editable ones without a choice).
 
     series: see `Basis`; its first number is the bins of every layer. bins: other numbers of
-      bins by object id or "object.layer". Raises UnknownName, InvalidValue.
+      bins by object id or "object.layer". light_groups: see `materials.lights.grouped`.
+      Raises UnknownName, InvalidValue.
     """
     materials = {
         item.id: item.material for item in scene.editable(editable) if item.material is not None
@@ -59,7 +62,8 @@ def basis_for(
         raise InvalidValue(
             f"scene {scene.name} has no editable object; `burnish info` names the reason for each"
         )
-    return Basis(tuple(objects), tuple(int(n) for n in series))
+    groups = grouped(scene.lights, light_groups)
+    return Basis(tuple(objects), tuple(int(n) for n in series), lights=groups)
 
 
 def tiles_for(basis: Basis, rows: Rows, width: int, height: int) -> list[Rectangle]:
@@ -103,7 +107,8 @@ def check_memory(basis: Basis, rows: Rows, pixels: int) -> None:
     for i in range(len(basis.objects)):
         own = (rows.object == i) & ~rows.indirect
         worst = max(worst, float(own.sum()) * DIRECTIONS * basis.columns(i) * powers * 12)
-    need = worst + len(rows) * powers * 12 + pixels * 24
+    lights = max(len(basis.lights), 1)
+    need = worst + len(rows) * powers * 12 + pixels * lights * 24
     if need > MEMORY_BYTES:
         raise TooLarge(
             f"editing this bake would need {need / 2**30:.1f} GiB and may have "
@@ -114,7 +119,8 @@ def check_memory(basis: Basis, rows: Rows, pixels: int) -> None:
 def remedies(basis: Basis) -> str:
     """What to change when a bake is too large, with today's numbers."""
     bins = max(layer.bins for item in basis.objects for layer in item.material.layers)
+    lights = f", fewer light groups (now {len(basis.lights)})" if basis.lights else ""
     return (
-        f"choose fewer editable objects (now {len(basis.objects)}), fewer bounces (now "
+        f"choose fewer editable objects (now {len(basis.objects)}){lights}, fewer bounces (now "
         f"{basis.bounces}) or fewer bins (now {bins})"
     )

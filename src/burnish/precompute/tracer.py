@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.precompute.film import FilterSampler
+from burnish.precompute.lights import EmitterGroups
 from burnish.precompute.symbolic import NUMERIC, PLAIN, SymbolicMaterials, Terms
 from burnish.precompute.tables import NONE
 from burnish.scene import Scene, View
@@ -32,7 +33,8 @@ class Target:
 
     rows: uint32 [pixels, objects, 2] with the offset of each (pixel, object, indirect) row in
       `transport`, in units of one RGB value, or NONE. transport: float [values · 3].
-    fixed, emission: float [pixels · 3]. lost: uint32 [1], samples without a row.
+    fixed, emission: float [pixels · 3], light group after group. lost: uint32 [1], samples
+      without a row. pixels: uint32 [1], how many.
     """
 
     rows: Any
@@ -40,6 +42,7 @@ class Target:
     fixed: Any
     emission: Any
     lost: Any
+    pixels: Any
 
 
 @dataclass
@@ -60,6 +63,7 @@ class Path:
     coarse: Any
     monomial: Any
     pending: Any
+    pending_group: Any
     fixed: Any
     emission: Any
 
@@ -92,11 +96,18 @@ class Tracer:
         self._bounces = mi.UInt32(self.basis.bounces)
         self._variables = mi.UInt32(max(monomials.variables, 1))
         self._tails = mi.UInt32(self.basis.tails)
+        self._light_tails = mi.UInt32(self.basis.light_tails)
         self._monomial_count = mi.UInt32(len(monomials))
         self._objects = mi.UInt32(max(len(self.basis.objects), 1))
         dr.make_opaque(
-            self._bounces, self._variables, self._tails, self._monomial_count, self._objects
+            self._bounces,
+            self._variables,
+            self._tails,
+            self._light_tails,
+            self._monomial_count,
+            self._objects,
         )
+        self.groups = EmitterGroups(scene, self.basis)
         self.coarse = self.basis.coarse_bins > 1
 
     # -- camera ---------------------------------------------------------------------------
@@ -152,6 +163,7 @@ class Tracer:
             coarse=mi.UInt32(0),
             monomial=mi.UInt32(0),
             pending=mi.Color3f(0),
+            pending_group=mi.UInt32(0),
             fixed=mi.Color3f(0),
             emission=mi.Color3f(0),
         )
@@ -180,6 +192,8 @@ class Tracer:
         state, random = dr.while_loop(
             (state, random), lambda path, random: path.active, body, label="symbolic paths"
         )
+        if self.groups.count:
+            return
         for buffer, value in ((target.fixed, state.fixed), (target.emission, state.emission)):
             for channel in range(3):
                 dr.scatter_add(buffer, value[channel], local * 3 + channel)
@@ -197,11 +211,22 @@ class Tracer:
         emitted = si.emitter(scene).eval(si, hit) * path.throughput
         emitted *= mis(path.previous_pdf, light_pdf)
         emitted = dr.select(hit, emitted, 0)
+        group = self.groups.of(si.emitter(scene), hit)
         seen = path.depth == 0
-        path.emission += dr.select(seen, emitted, 0)
+        own = dr.select(seen, emitted, 0)
+        at = group * target.pixels + local
+        path.emission = self._deposit(target.emission, path.emission, own, at)
         met = path.encounters > 0
-        path.fixed += dr.select(~seen & ~met, emitted, 0)
+        own = dr.select(~seen & ~met, emitted, 0)
+        path.fixed = self._deposit(target.fixed, path.fixed, own, at)
         tail = path.coarse + path.monomial
+        if self.groups.count:
+            # What was sampled at the last vertex may be of another group
+            other = path.active & met & (group != path.pending_group)
+            apart = dr.select(other, emitted, 0)
+            self._add(target, path.row, path.terms, self._under(group, tail), apart, other)
+            emitted -= apart
+            tail = self._under(path.pending_group, tail)
         self._add(target, path.row, path.terms, tail, path.pending + emitted, path.active & met)
         path.pending = mi.Color3f(0)
 
@@ -248,6 +273,8 @@ class Tracer:
         # Sample a light
         ds, light = scene.sample_emitter_direction(si, numbers.light, True, active)
         lit = active & (ds.pdf != 0)
+        group = self.groups.of(ds.emitter, lit)
+        path.pending_group = group
         light_local = si.to_local(ds.d)
         wi, shade = frame.to_local(light_local)
         above = lit & ours & (wi.z > 0)
@@ -273,7 +300,9 @@ class Tracer:
             reflected = m.contract(obj, columns, wo, mi.Bool(False), numeric & above)
             plain_light += dr.select(numeric & above, ours_light * reflected, 0)
         path.pending += dr.select(path.encounters > 0, plain_light, 0)
-        path.fixed += dr.select(path.encounters == 0, plain_light, 0)
+        own = dr.select(path.encounters == 0, plain_light, 0)
+        at = group * target.pixels + local
+        path.fixed = self._deposit(target.fixed, path.fixed, own, at)
         tail = mi.UInt32(0)
         if self.coarse:
             w, q = m.coarse_column(obj, layouts, slot, wi, wo, second & above)
@@ -283,6 +312,7 @@ class Tracer:
             )
             tail = dr.select(second, 1 + w * self._monomial_count, tail)
             columns = [_select_terms(first, a, b) for a, b in zip(columns, path.terms, strict=True)]
+        tail = self._under(group, tail)
         self._add(target, path.row, columns, tail, value, (first | second) & above)
 
         # Sample the next direction
@@ -334,6 +364,19 @@ class Tracer:
         return dr.gather(
             mi.UInt32, self.next_monomial, monomial * self._variables + variable, active
         )
+
+    def _under(self, group: Any, tail: Any) -> Any:
+        """A tail of a light group."""
+        return tail + group * self._light_tails if self.groups.count else tail
+
+    def _deposit(self, buffer: Any, total: Any, value: Any, at: Any) -> Any:
+        """Add to a picture: to the path's own total, which the pixel gets at its end, or with
+        light groups at once, to the pixel `at` of the group's."""
+        if not self.groups.count:
+            return total + value
+        for channel in range(3):
+            dr.scatter_add(buffer, value[channel], at * 3 + channel, dr.any(value != 0))
+        return total
 
     def _slot_map(self, H: list[Any], slot: Any) -> Any:
         result = mi.Color3f(1)

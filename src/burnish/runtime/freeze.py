@@ -26,6 +26,7 @@ from burnish.core.types import Float32, Int32
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.expansion import Expansion
 from burnish.transport.frozen import Frozen, FrozenPart, Powers
+from burnish.transport.lights import base_under, over_lights
 from burnish.transport.pack import BlockSource, Pack
 from burnish.transport.rows import Rows
 
@@ -90,13 +91,14 @@ def freeze(
             f"targets must lie in [0, {len(basis.objects) - 1}]; got {tuple(targets)}"
         )
     powers, factors = tail_factors(basis, chosen, state)
+    powers, factors = over_lights(basis, powers, factors, state, symbolic=not chosen)
     rows = source.rows
     alike: dict[tuple[int, bool, int], list[Pack]] = {}
     for pack in source.packs():
         alike.setdefault((pack.object, pack.indirect, pack.start), []).append(pack)
     _check_memory(basis, list(alike.values()), chosen, len(powers.exponents), memory)
 
-    parts: list[FrozenPart] = []
+    base, parts = base_under(basis, powers, source.base, state)
     for (index, _, _), members in sorted(alike.items()):
         contract = _keep_columns if index in chosen else _contract_columns
         parts.append(contract(basis, rows, members, factors, state))
@@ -105,7 +107,7 @@ def freeze(
         targets=chosen,
         width=source.width,
         height=source.height,
-        base=source.base.reshape(-1, 3),
+        base=base,
         powers=powers,
         parts=parts,
         revision=source.revision,
@@ -115,8 +117,8 @@ def freeze(
 def tail_factors(basis: Basis, targets: tuple[int, ...], state: State) -> tuple[Powers, Float32]:
     """What stays symbolic of each tail, and the number that the rest of it becomes.
 
-    Returns the distinct powers n and A: float32 [tails, powers, 3], with one power of each
-    tail not zero: the product of the factors that belong to no target.
+    Returns the distinct powers n and A: float32 [light_tails, powers, 3], with one power of
+    each tail not zero: the product of the factors that belong to no target.
     """
     ours = np.array([v for v, (i, _) in enumerate(basis.variables) if i in targets], np.int32)
     others = np.ones((len(basis.variables), 3))

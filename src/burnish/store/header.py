@@ -8,11 +8,13 @@ from typing import Any
 
 from burnish.core.errors import BundleError, BurnishError
 from burnish.materials.layer import Layer, Material
+from burnish.materials.lights import Light, LightGroup
 from burnish.materials.registry import material_from_json, material_to_json
 from burnish.transport.basis import Basis, EditableObject
 
 FORMAT = "burnish-bundle"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""2 tells light groups apart; a bundle without them is written as 1, which older ones read."""
 
 Json = dict[str, Any]
 
@@ -45,7 +47,7 @@ class BundleHeader:
     """Everything in a bundle but its tiles.
 
     name: of the scene. objects: all of the scene's, the basis's among them. provenance:
-    JSON values such as scene hash, source, seed, samples, version.
+    JSON values such as scene hash, source, seed, samples, version. lights: the scene's.
     """
 
     basis: Basis
@@ -53,13 +55,14 @@ class BundleHeader:
     objects: tuple[ObjectHeader, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
+    lights: tuple[Light, ...] = ()
 
     def to_json(self) -> Json:
         """Plain JSON values, format and version first."""
         basis = self.basis
         return {
             "format": FORMAT,
-            "format_version": FORMAT_VERSION,
+            "format_version": FORMAT_VERSION if basis.lights else 1,
             "name": self.name,
             "series": list(basis.series),
             "indirect_bins": basis.indirect_bins,
@@ -81,6 +84,8 @@ class BundleHeader:
                 }
                 for view in self.views
             ],
+            "lights": [{"name": light.name, "kind": light.kind} for light in self.lights],
+            "light_groups": _groups_json(basis.lights),
             "provenance": dict(self.provenance),
         }
 
@@ -101,7 +106,15 @@ class BundleHeader:
                 for item in data["editable"]
             )
             return BundleHeader(
-                basis=Basis(objects, tuple(data["series"]), data["indirect_bins"]),
+                basis=Basis(
+                    objects,
+                    tuple(data["series"]),
+                    data["indirect_bins"],
+                    tuple(
+                        LightGroup(group["name"], tuple(group["members"]))
+                        for group in data.get("light_groups", ())
+                    ),
+                ),
                 views=tuple(
                     ViewHeader(
                         view["name"],
@@ -115,6 +128,7 @@ class BundleHeader:
                 objects=tuple(ObjectHeader(**item) for item in data["objects"]),
                 provenance=data["provenance"],
                 name=data["name"],
+                lights=tuple(Light(**light) for light in data.get("lights", ())),
             )
         except (KeyError, TypeError, ValueError, AttributeError, BurnishError) as error:
             raise BundleError(
@@ -144,9 +158,15 @@ class BundleHeader:
             ],
             "bounces": self.basis.bounces,
             "series": list(self.basis.series),
+            "lights": [{"id": light.name, "kind": light.kind} for light in self.lights],
+            "light_groups": _groups_json(self.basis.lights),
             "resolution": [view.width, view.height] if view else None,
             "provenance": dict(self.provenance),
         }
+
+
+def _groups_json(groups: tuple[LightGroup, ...]) -> list[Json]:
+    return [{"name": group.name, "members": list(group.members)} for group in groups]
 
 
 def _layer_info(material: Material, layer: Layer) -> Json:

@@ -6,7 +6,8 @@ B(pixel) = E + Σ_rows Σ_c Σ_z s_c(row) · coefficient_c · tail_z · T[row, c
   layer by layer, each layer's terms k-major (k · bins + j), a delta column last;
 - *tails* z: everything after the first encounter, a product of equivalent albedos d^z
   (z a multiset of variables), times one coarse coefficient ĉ_w of the second encounter
-  when the series asks for it (2008, eq. 29).
+  when the series asks for it (2008, eq. 29), times the factor of the light group that the
+  light is from, where a bake tells light groups apart.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.transport.monomials import Monomials
 
 State = Mapping[str, MaterialState]
-"""Object id to the state of its material."""
+"""Object id to the state of its material, and "light:NAME" to that of a light that is mixed."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,13 @@ class Basis:
       the second encounter. Numbers after that are 1.
     indirect_bins: coarse bins per layer of a first encounter that comes after rough fixed
       vertices.
+    lights: the light groups that are told apart; none, and all light is one.
     """
 
     objects: tuple[EditableObject, ...]
     series: tuple[int, ...]
     indirect_bins: int = 8
+    lights: tuple[LightGroup, ...] = ()
 
     def __post_init__(self) -> None:
         s = self.series
@@ -118,13 +121,18 @@ class Basis:
         )
 
     @property
-    def tails(self) -> int:
-        """Number of tails. Without coarse columns tail z is monomial z; with them tail 0 is
-        "no second encounter" and tail 1 + w · len(monomials) + z is coarse column w followed
-        by monomial z."""
+    def light_tails(self) -> int:
+        """Number of tails of one light group. Without coarse columns tail z is monomial z; with
+        them tail 0 is "no second encounter" and tail 1 + w · len(monomials) + z is coarse
+        column w followed by monomial z."""
         if not self.coarse:
             return len(self.monomials)
         return 1 + len(self.coarse) * len(self.monomials)
+
+    @property
+    def tails(self) -> int:
+        """Number of tails: tail g · light_tails + z is tail z of light group g."""
+        return max(len(self.lights), 1) * self.light_tails
 
     def slices(self, index: int) -> tuple[ColumnSlice, ...]:
         """Columns of one object's fine rows, in runs that share an outgoing factor."""
@@ -254,11 +262,13 @@ class Basis:
 
     def tail_values(self, state: State) -> Float64:
         """The factor of every tail: float64 [tails, 3]."""
-        powers = self.monomials.evaluate(self.albedos(state))
-        if not self.coarse:
-            return powers
-        products = self.coarse_values(state)[:, None, :] * powers[None]
-        return np.concatenate([np.ones((1, 3)), products.reshape(-1, 3)])
+        values = self.monomials.evaluate(self.albedos(state))
+        if self.coarse:
+            products = self.coarse_values(state)[:, None, :] * values[None]
+            values = np.concatenate([np.ones((1, 3)), products.reshape(-1, 3)])
+        if self.lights:
+            values = (mix(self.lights, state)[:, None, :] * values[None]).reshape(-1, 3)
+        return values
 
 
 def coarse_count(layer: Layer, bins: int) -> int:

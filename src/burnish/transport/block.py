@@ -19,8 +19,8 @@ from burnish.core.types import Float32, Int32
 from burnish.transport.rows import Rows
 
 BLOCK_AXES = ("row", "column", "tail", "rgb")
-"""Named axes of what a block stands for. Further axes (light group, second curve,
-component) extend the column or the tail axis and are described by the basis."""
+"""Named axes of what a block stands for. Light groups are outermost on the tail axis; further
+axes (second curve, component) extend the column axis. The basis describes both."""
 
 
 @dataclass
@@ -59,7 +59,8 @@ class Tile:
     x, y, width, height: the rectangle within the view. rows: its Rows (pixel indices of the
     whole view). blocks: their `rows` index into this tile's rows. fixed: float32
     [height, width, 3], light that met no symbolic object, directly seen emission left out;
-    emission: the same, directly seen emission alone. samples: per pixel. lost: samples
+    emission: the same, directly seen emission alone; both float32 [lights, height, width, 3]
+    where light groups are told apart. samples: per pixel. lost: samples
     whose (pixel, object) the prepass had not found.
     """
 

@@ -28,6 +28,7 @@ error instead of 34 %).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,7 @@ def tail_scale(basis: Basis) -> Float32:
     that lies in bin w. Without weights the tails of narrow coarse bins were cut off as small
     and then multiplied by hundreds.
     """
-    result = np.ones(basis.tails, np.float32)
+    result = np.ones(basis.light_tails, np.float32)
     if basis.coarse:
         energies = [
             coarse_energies(layer, coarse_count(layer, basis.coarse_bins)) / np.pi
@@ -110,17 +111,22 @@ def tail_scale(basis: Basis) -> Float32:
         result[1:] = np.repeat(
             np.concatenate([column_scale_of(part) for part in energies]), len(basis.monomials)
         )
-    return result
+    return np.tile(result, max(len(basis.lights), 1))
 
 
 def protected_tails(basis: Basis) -> Float32:
-    """Directions over the tails that a block keeps exactly: float32 [z, 1 to 3], orthonormal.
+    """Directions over the tails that a block keeps exactly: float32 [z, kept], orthonormal.
 
     The tails of a scene whose albedos are all one half, and those of the materials that the
     scene came with; for the slower series the light that met nothing further by itself, and
-    the second encounters once with even curves and once with the scene's. See the module's
-    text for why.
+    the second encounters once with even curves and once with the scene's. Each of them for
+    every light group by itself. See the module's text for why.
     """
+    alone = _protected_of_one_light(replace(basis, lights=()))
+    return np.kron(np.eye(max(len(basis.lights), 1), dtype=np.float32), alone)
+
+
+def _protected_of_one_light(basis: Basis) -> Float32:
     degree = basis.monomials.exponents.sum(axis=1)
     powers = 0.5**degree
     if not basis.coarse:

@@ -12,14 +12,17 @@ from typing import Protocol
 import numpy as np
 
 from burnish.core.types import Float32, Float64, Int32
+from burnish.materials.lights import mix
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.expansion import Expansion
 from burnish.transport.rows import Rows
+from burnish.transport.stack import Stack
 
 
 @dataclass
 class FrozenPart:
-    """Rows that meet one object first, with everything but the targets contracted.
+    """Rows that meet one object first (object -1: any, added up), with everything but the
+    targets contracted.
 
     pixel: int32 [r], unique within the part. F is float32 [3, r, columns · powers] with
     columns those of `slice` when the object is a target, else [3, r, powers] (2008's F and
@@ -42,19 +45,95 @@ class FrozenPart:
         """What a frame reads of it."""
         return self.F.nbytes + (self.expansion.nbytes if self.expansion else 0)
 
+    def dense(self) -> FrozenPart:
+        """Itself; see `FoldedPart.dense`."""
+        return self
+
+
+@dataclass
+class FoldedPart:
+    """Rows of a target as their blocks hold them, with no F of their own: a frame reads the
+    blocks, which are smaller than F would be, and a freeze need not make it.
+
+    slice: the columns of the stack. factors: float32 [z, powers, 3], what each tail adds to
+    each power. tails: float32 [3, powers, tail directions], the stack's S times them; None
+    where the powers are so many that it would be larger than S.
+    """
+
+    stack: Stack
+    slice: ColumnSlice
+    factors: Float32
+    tails: Float32 | None
+
+    @property
+    def object(self) -> int:
+        return self.stack.object
+
+    @property
+    def indirect(self) -> bool:
+        return self.stack.indirect
+
+    @property
+    def pixel(self) -> Int32:
+        return self.stack.pixel
+
+    @property
+    def cos_theta_o(self) -> Float32:
+        return self.stack.cos_theta_o
+
+    @property
+    def nbytes(self) -> int:
+        """What a frame reads of it."""
+        tails = self.stack.S if self.tails is None else self.tails
+        return self.stack.core.nbytes + tails.nbytes + self.stack.expansion.nbytes
+
+    @staticmethod
+    def of(stack: Stack, piece: ColumnSlice, factors: Float32) -> FoldedPart:
+        """A stack with the factors of its tails."""
+        z, n, _ = factors.shape
+        tails = stack.meet_tails(factors.transpose(0, 2, 1).reshape(z, 3 * n)) if 3 * n < z else None
+        return FoldedPart(
+            stack, piece, factors, None if tails is None else tails.reshape(3, n, -1)
+        )
+
+    def tails_under(self, powers: Float64) -> Float32:
+        """The tail directions for powers [n, 3]: float32 [3, tail directions]."""
+        if self.tails is None:
+            values = np.einsum("znh,nh->zh", self.factors, powers.astype(np.float32))
+            return self.stack.meet_tails(values)
+        return np.asarray(np.einsum("hnb,nh->hb", self.tails, powers.astype(np.float32)))
+
+    def dense(self) -> FrozenPart:
+        """The same with F, in the blocks' row directions."""
+        z, n, _ = self.factors.shape
+        tails = self.stack.meet_tails(self.factors.transpose(0, 2, 1).reshape(z, 3 * n))
+        F = self.stack.with_tails(tails.reshape(3, n, -1))
+        return FrozenPart(
+            self.object,
+            self.indirect,
+            self.pixel,
+            F.reshape(*F.shape[:2], -1),
+            self.cos_theta_o,
+            self.slice,
+            self.stack.expansion,
+        )
+
 
 @dataclass
 class Powers:
-    """Which tails are still symbolic: each a product of target variables.
+    """Which tails are still symbolic: each a product of target variables, of one light group
+    where the mix of the lights is symbolic too.
 
     exponents: int32 [powers, target variables]; variables: int32, indices into
     `Basis.variables`; coarse: int32 [powers], index into `Basis.coarse` of the target's
-    coarse column, or -1 for none.
+    coarse column, or -1 for none. lights: int32 [powers], index into `Basis.lights`; empty
+    where the mix is not symbolic.
     """
 
     exponents: Int32
     variables: Int32
     coarse: Int32
+    lights: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
 
     def evaluate(self, basis: Basis, state: State) -> Float64:
         """The factor of each power: float64 [powers, 3]."""
@@ -63,6 +142,8 @@ class Powers:
         with_coarse = self.coarse >= 0
         if with_coarse.any():
             result[with_coarse] *= basis.coarse_values(state)[self.coarse[with_coarse]]
+        if len(self.lights):
+            result *= mix(basis.lights, state)[self.lights]
         return np.asarray(result)
 
 
@@ -80,7 +161,7 @@ class Frozen:
     height: int
     base: Float32
     powers: Powers
-    parts: list[FrozenPart] = field(default_factory=list)
+    parts: list[FrozenPart | FoldedPart] = field(default_factory=list)
     revision: int = 0
 
 

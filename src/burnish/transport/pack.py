@@ -17,6 +17,7 @@ from burnish.core.types import Float32, Int32
 from burnish.transport.basis import Basis
 from burnish.transport.block import Block, Tile
 from burnish.transport.rows import Rows
+from burnish.transport.stack import Stack, stacks_of
 
 
 @dataclass
@@ -106,7 +107,9 @@ class BlockSource(Protocol):
     """A view's compressed transport: what a bake leaves, in memory or on disk.
 
     base: float32 [height, width, 3], light that met no symbolic object, with directly seen
-    emission; emission: the directly seen emission alone. packs: their `rows` index `rows`.
+    emission; emission: the directly seen emission alone; both float32
+    [lights, height, width, 3] where the basis tells light groups apart. packs: their `rows`
+    index `rows`.
     """
 
     @property
@@ -124,6 +127,9 @@ class BlockSource(Protocol):
     @property
     def revision(self) -> int: ...
     def packs(self) -> Sequence[Pack]: ...
+    def stacks(self) -> Sequence[Stack]:
+        """The same laid out for freezing and frames."""
+        ...
 
 
 @dataclass
@@ -138,9 +144,15 @@ class TiledBlocks:
     emission: Float32
     content: list[Pack] = field(default_factory=list)
     revision: int = 0
+    _stacks: list[Stack] | None = field(default=None, init=False, repr=False)
 
     def packs(self) -> Sequence[Pack]:
         return self.content
+
+    def stacks(self) -> Sequence[Stack]:
+        if self._stacks is None:
+            self._stacks = stacks_of(self.content, self.rows)
+        return self._stacks
 
     @staticmethod
     def of(basis: Basis, width: int, height: int, tiles: Sequence[Tile]) -> TiledBlocks:
@@ -157,8 +169,9 @@ def join(
     basis: Basis, width: int, height: int, tiles: Sequence[tuple[Tile, list[Pack]]]
 ) -> TiledBlocks:
     """One view from tiles whose blocks are packed, rows renumbered."""
-    base = np.zeros((height, width, 3), np.float32)
-    emission = np.zeros((height, width, 3), np.float32)
+    apart = (len(basis.lights),) if basis.lights else ()
+    base = np.zeros((*apart, height, width, 3), np.float32)
+    emission = np.zeros_like(base)
     joined = Rows.concatenate([tile.rows for tile, _ in tiles])
     order = np.lexsort((joined.pixel, joined.indirect, joined.object))
     position = np.empty(len(order), np.int32)
@@ -166,7 +179,7 @@ def join(
     content: list[Pack] = []
     start = 0
     for tile, packs in tiles:
-        area = np.s_[tile.y : tile.y + tile.height, tile.x : tile.x + tile.width]
+        area = np.s_[..., tile.y : tile.y + tile.height, tile.x : tile.x + tile.width, :]
         base[area] = tile.fixed + tile.emission
         emission[area] = tile.emission
         content += [replace(pack, rows=position[start + pack.rows]) for pack in packs]
