@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -398,3 +399,71 @@ def test_path_tracing_goes_to_the_truth() -> None:
 def test_a_session_needs_a_view() -> None:
     with pytest.raises(InvalidValue, match="at least one view"):
         Session({})
+
+
+@dataclass
+class RemodellingTransport(CountingTransport):
+    """Takes other models, as a live view does; its pictures are those of the scene's own."""
+
+    remodels: bool = True
+
+    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+        self.frozen += 1
+        return super().freeze(targets, initial_state(BASIS.objects))
+
+
+def test_another_model_is_an_edit_like_any_other() -> None:
+    transport = RemodellingTransport(SOURCE)
+    session = Session({"front": transport}, name="test")
+    assert session.models_fixed == ""
+    session.set("box.specular.exponent", 80.0)
+    session.renderer()
+    frozen = transport.frozen
+    session.set_model("box.specular", "cook-torrance")
+    assert session.history[0][-1] == "Made box.specular cook-torrance"
+    material = session.material("box")
+    assert material is not None
+    assert material.layer("specular").model.name == "cook-torrance"
+    session.renderer()
+    assert transport.frozen > frozen
+    session.set("box.specular.roughness", 0.3)
+    session.set_outgoing_curve("box.specular", ROUND)
+    with pytest.raises(UnknownName):
+        session.set("box.specular.exponent", 3.0)
+
+    # Saved and loaded, reset, undone
+    there, text = session.state, session.edits_text()
+    entry = json.loads(text)["objects"]["box"]["specular"]
+    assert entry["model"]["model"]["name"] == "cook-torrance"
+    assert entry["parameters"] == {"roughness": 0.3}
+    session.reset("box.specular.roughness")
+    assert session.get("box.specular.roughness") == pytest.approx(math.sqrt(2 / 82))
+    session.reset()
+    session.load_text(text)
+    assert session.state == there
+    session.reset("box.specular")
+    assert session.state == initial_state(BASIS.objects)
+    session.undo()
+    assert session.state == there
+    while session.undo():
+        pass
+    assert session.state == initial_state(BASIS.objects)
+
+
+def test_a_bake_keeps_its_models() -> None:
+    text = '{"format": "burnish-edits", "version": 1, "scene": "", "objects": {"box": '
+    live = Session({"front": RemodellingTransport(SOURCE)})
+    live.set_model("box.specular", "phong")
+    session = session_of()
+    assert "bake" in session.models_fixed
+    for attempt in (
+        lambda: session.set_model("box.specular", "phong"),
+        lambda: session.restore(live.state),
+        lambda: session.load_text(live.edits_text()),
+    ):
+        with pytest.raises(InvalidValue, match="open the scene itself"):
+            attempt()
+    assert session.history == ([], 0)
+    broken = '{"specular": {"model": {"model": {"name": "phong"}}}}}}'
+    with pytest.raises(InvalidValue):
+        live.load_text(text + broken)

@@ -237,6 +237,7 @@ class LiveStudio:
             and running.targets == targets
             and running.edited == edited
             and all(running.state[name] == state[name] for name in edited)
+            and all(running.state[name].replacements == state[name].replacements for name in state)
         ):
             return
         for view in self.views.values():
@@ -310,6 +311,9 @@ class LiveStudio:
 class LiveView:
     """A `Transport` whose estimate grows while it is used."""
 
+    remodels = True
+    """A layer can be given another model: the selection is traced anew."""
+
     def __init__(
         self, studio: LiveStudio, name: str, basis: Basis, width: int, height: int, rows: Rows
     ) -> None:
@@ -348,7 +352,7 @@ class LiveView:
             mapped, data, pixels = self._mapped, self._data, self.width * self.height
             assert mapped is not None
             return Frozen(
-                basis=self.basis,
+                basis=mapped.basis,
                 targets=targets,
                 width=self.width,
                 height=self.height,

@@ -13,7 +13,7 @@ import signal
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,12 @@ import numpy as np
 
 from burnish.core.errors import BurnishError
 from burnish.core.types import Float32
+from burnish.materials.layer import Replacement
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
 from burnish.transport.rows import Rows
+
+Models = dict[str, dict[str, Replacement]]
 
 PUBLISH_SECONDS = 1.0
 ENOUGH_SAMPLES = 1 << 16
@@ -103,10 +106,14 @@ class Part:
 
 @dataclass(frozen=True)
 class Mapped:
-    """A view's estimate has a file. The base image comes first in it, then emission, then F."""
+    """A view's estimate has a file. The base image comes first in it, then emission, then F.
+
+    basis: the session's with the models and bins that F is counted in.
+    """
 
     serial: int
     view: str
+    basis: Basis
     file: str
     floats: int
     parts: tuple[Part, ...]
@@ -187,6 +194,7 @@ class _Worker:
         self.estimates: dict[str, Any] = {}
         self.files: dict[str, tuple[Float32, list[Float32]]] = {}
         self.published: dict[str, tuple[int, float]] = {}
+        self.models: Models = {}
         self.serial = 0
         self.paused = False
         self.truth: Any = None
@@ -233,8 +241,10 @@ class _Worker:
                 self.estimates = {}
                 self.pipe.send(Failed(_words(error), message.serial))
         elif isinstance(message, Follow):
-            for estimate in self.estimates.values():
-                estimate.follow(message.state)
+            # One that was sent before a change of model has nothing to say here
+            if _models(message.state) == self.models:
+                for estimate in self.estimates.values():
+                    estimate.follow(message.state)
         elif isinstance(message, Pause):
             self.paused = message.paused
         elif isinstance(message, Render):
@@ -251,11 +261,13 @@ class _Worker:
         for _, mapped in self.files.values():
             mapped.clear()
         self.files = {}
-        for view in self.scene.views:
+        scene, basis = _remodelled(self.scene, self.basis, message.state)
+        self.models = _models(message.state)
+        for view in scene.views:
             estimate = LiveEstimate(
-                self.scene,
+                scene,
                 view,
-                self.basis,
+                basis,
                 message.targets,
                 message.state,
                 message.edited,
@@ -290,7 +302,15 @@ class _Worker:
         ]
         self.files[view] = data, arrays
         self.pipe.send(
-            Mapped(self.serial, view, str(path), len(data), tuple(parts), estimate.powers)
+            Mapped(
+                self.serial,
+                view,
+                estimate.frozen_basis,
+                str(path),
+                len(data),
+                tuple(parts),
+                estimate.powers,
+            )
         )
 
     def _unfinished(self) -> str | None:
@@ -359,6 +379,26 @@ class _Worker:
             self.denoisers[message.view] = Denoiser.of(self.scene, self.scene.view(message.view))
         image: Float32 = self.denoisers[message.view].clean(message.image)
         return image
+
+
+def _models(state: State) -> Models:
+    """The models that a state has put in place of the scene's, by object and layer."""
+    return {name: item.replacements for name, item in state.items() if item.replacements}
+
+
+def _remodelled(scene: Any, basis: Basis, state: State) -> tuple[Any, Basis]:
+    """Scene and basis with the models that a state has put in place of the scene's own."""
+    if not any(item.replacements for item in state.values()):
+        return scene, basis
+    edited = tuple(
+        replace(item, material=item.material.as_in(state[item.id])) for item in basis.objects
+    )
+    given = {item.id: item.material for item in edited if state[item.id].replacements}
+    objects = tuple(
+        replace(item, material=given[item.id], factory=None) if item.id in given else item
+        for item in scene.objects
+    )
+    return replace(scene, objects=objects), replace(basis, objects=edited)
 
 
 def _words(error: Exception) -> str:

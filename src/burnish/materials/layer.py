@@ -94,6 +94,19 @@ class Layer:
 
 
 @dataclass(frozen=True)
+class Replacement:
+    """A layer that stands in the place of a material's own.
+
+    values: what it started with. kept: parameters of the layer before it that are no more, but
+    that links of other layers still ask for.
+    """
+
+    layer: Layer
+    values: Mapping[str, Value]
+    kept: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class LayerState:
     """What a user has set on one layer.
 
@@ -102,6 +115,7 @@ class LayerState:
     outgoing_curve: a freehand factor on the outgoing angle, at t = θo / 90°: it multiplies the
       model's s(θo) or, in mode "replace", takes its place (2006, table 1: any model can have
       one).
+    replacement: another model in this layer's place (see `replacement`); `values` are its own.
     """
 
     values: Mapping[str, Value]
@@ -109,6 +123,7 @@ class LayerState:
     enabled: bool = True
     weight: float = 1.0
     outgoing_curve: Curve | None = None
+    replacement: Replacement | None = None
 
 
 @dataclass(frozen=True)
@@ -121,6 +136,12 @@ class MaterialState:
 
     layers: Mapping[str, LayerState]
     conserve: bool = False
+
+    @property
+    def replacements(self) -> dict[str, Replacement]:
+        """The layers that have another model, by name: states of one structure have the same."""
+        found = {name: layer.replacement for name, layer in self.layers.items()}
+        return {name: item for name, item in found.items() if item is not None}
 
 
 @dataclass(frozen=True)
@@ -159,10 +180,32 @@ class Material:
             return state
         layers = dict(state.layers)
         for link in self.links:
-            value = state.layers[link.source_layer].values[link.source_parameter]
+            source = state.layers[link.source_layer]
+            value = source.values.get(link.source_parameter)
+            if value is None:
+                assert source.replacement is not None
+                value = source.replacement.kept[link.source_parameter]
             layer = layers[link.layer]
             layers[link.layer] = replace(layer, values={**layer.values, link.parameter: value})
         return replace(state, layers=layers)
+
+    def as_in(self, state: MaterialState) -> Material:
+        """The material with the layers that a state has put in the place of its own."""
+        found = state.replacements
+        if not found:
+            return self
+        layers = tuple(
+            found[layer.name].layer if layer.name in found else layer for layer in self.layers
+        )
+        started = {
+            name: replace(
+                self.initial.layers[name], values=item.values, curve=None, replacement=item
+            )
+            for name, item in found.items()
+        }
+        links = tuple(link for link in self.links if link.layer not in found)
+        initial = {**self.initial.layers, **started}
+        return Material(layers, replace(self.initial, layers=initial), links)
 
     def layer(self, name: str) -> Layer:
         """The layer of that name. Raises UnknownName."""

@@ -151,6 +151,14 @@ class LiveEstimate:
     # -- what a session needs ---------------------------------------------------------------
 
     @property
+    def frozen_basis(self) -> Basis:
+        """The session's basis with the selected objects' bins as they are here: what the
+        columns of `parts` and the coarse columns of `powers` are counted in."""
+        own = {item.id: item for item in self.basis.objects}
+        every = self.session_basis.objects
+        return replace(self.session_basis, objects=tuple(own.get(x.id, x) for x in every))
+
+    @property
     def powers(self) -> Powers:
         """The tails as powers of the session's variables."""
         variables = {key: v for v, key in enumerate(self.session_basis.variables)}
@@ -159,7 +167,7 @@ class LiveEstimate:
         exponents = self.basis.monomials.exponents
         coarse = np.full(len(exponents), -1, np.int32)
         if self.basis.coarse:
-            columns = {key: w for w, key in enumerate(self.session_basis.coarse)}
+            columns = {key: w for w, key in enumerate(self.frozen_basis.coarse)}
             ids = [columns[index[i], k, w] for i, k, w in self.basis.coarse]
             coarse = np.concatenate([[-1], np.repeat(ids, len(exponents))]).astype(np.int32)
             none = np.zeros((1, exponents.shape[1]), np.int32)

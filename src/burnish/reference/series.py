@@ -99,7 +99,7 @@ def _forms_of(
 ) -> tuple[Any, ...]:
     """The mi.BSDF of each form, in the order FINE, COARSE, SECOND, LATER."""
     assert item.material is not None
-    material, maps = item.material, item.maps
+    material, maps = item.material.as_in(state), item.maps
     matte = MatteReflectance(material, state, maps)
     shapes: list[Reflectance] = [
         FineReflectance(material, state, maps),

@@ -104,10 +104,10 @@ def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
     """The mi.BSDF of an object in a state. Raises InvalidValue for a fixed object."""
     if item.material is None:
         raise InvalidValue(f"object {item.id!r} cannot be edited: {item.reason}; leave it out")
-    own = item.edited_bsdf(state)
+    own = None if state.replacements else item.edited_bsdf(state)
     if own is not None:
         return own
-    material, maps = item.material, item.maps
+    material, maps = item.material.as_in(state), item.maps
     return wrapped(item, lambda sides: layered_bsdf(material, state, maps, sides))
 
 

@@ -23,21 +23,25 @@ from typing import Any, cast
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
 from burnish.materials.curve import Curve
-from burnish.materials.layer import LayerState, Material, MaterialState
+from burnish.materials.layer import LayerState, Material, MaterialState, Replacement
 from burnish.materials.names import WEIGHT
+from burnish.materials.registry import layer_from_json, layer_to_json
 from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
-VERSION = 1
+VERSION = 2
+"""Written where something is painted; other files stay version 1."""
 
 Json = dict[str, Any]
+_ENTRIES = ("model", "parameters", "curve", "outgoing_curve", "enabled", "weight")
 
 
 def edits_to_text(state: State, materials: Mapping[str, Material], scene: str) -> str:
     """The file's text for what `state` changed."""
     objects = {}
     for object_id, material in materials.items():
-        entry = _object_entry(state[object_id], material.initial)
+        now = state[object_id]
+        entry = _object_entry(now, material.as_in(now).initial)
         if entry:
             objects[object_id] = entry
     data = {"format": FORMAT, "version": VERSION, "scene": scene, "objects": objects}
@@ -76,6 +80,8 @@ def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
     entry: Json = {}
     for name, layer in state.layers.items():
         changed = _layer_entry(layer, initial.layers[name])
+        if layer.replacement is not None:
+            changed = {"model": _model_entry(layer.replacement), **changed}
         if changed:
             entry[name] = changed
     if state.conserve != initial.conserve:
@@ -85,20 +91,33 @@ def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
 
 def _layer_entry(layer: LayerState, initial: LayerState) -> Json:
     entry: Json = {}
-    parameters = {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in layer.values.items()
-        if value != initial.values[name]
-    }
+    parameters = _plain(
+        {name: value for name, value in layer.values.items() if value != initial.values[name]}
+    )
     if parameters:
         entry["parameters"] = parameters
     if layer.curve != initial.curve:
         entry["curve"] = None if layer.curve is None else layer.curve.to_json()
+    if layer.outgoing_curve != initial.outgoing_curve:
+        outward = layer.outgoing_curve
+        entry["outgoing_curve"] = None if outward is None else outward.to_json()
     if layer.enabled != initial.enabled:
         entry["enabled"] = layer.enabled
     if layer.weight != initial.weight:
         entry["weight"] = layer.weight
     return entry
+
+
+def _model_entry(item: Replacement) -> Json:
+    return {
+        **layer_to_json(item.layer),
+        "started": _plain(item.values),
+        "kept": _plain(item.kept),
+    }
+
+
+def _plain(values: Mapping[str, Value]) -> Json:
+    return {k: list(value) if isinstance(value, tuple) else value for k, value in values.items()}
 
 
 def _edited(material: Material, entry: Mapping[str, Any], where: str) -> MaterialState:
@@ -111,8 +130,31 @@ def _edited(material: Material, entry: Mapping[str, Any], where: str) -> Materia
         if name not in layers:
             raise UnknownName("layer", f"{where}.{name}", [f"{where}.{item}" for item in layers])
         field = f"{where}.{name}"
-        layers[name] = _edited_layer(material, name, layers[name], _mapping(changes, field), field)
+        given = dict(_mapping(changes, field))
+        if "model" in given:
+            layers[name] = _with_model(material, name, given.pop("model"), f"{field}.model")
+        now = material.as_in(MaterialState(layers))
+        layers[name] = _edited_layer(now, name, layers[name], given, field)
     return MaterialState(layers, conserve)
+
+
+def _with_model(material: Material, name: str, entry: object, where: str) -> LayerState:
+    """A layer's state with another model. Raises UnknownName, InvalidValue."""
+    data = _mapping(entry, where)
+    layer = layer_from_json({**data, "name": name, "group": material.layer(name).group})
+    started, kept = (dict(_mapping(data.get(key, {}), where)) for key in ("started", "kept"))
+    values = {item.name: item.validate(started.get(item.name), where) for item in layer.parameters}
+    others = {
+        link.source_parameter: material.initial.layers[name].values[link.source_parameter]
+        for link in material.links
+        if link.source_layer == name and link.source_parameter not in values
+    }
+    own = material.layer(name)
+    for key in others:
+        if key in kept:
+            others[key] = own.parameter(key).validate(kept[key], f"{where}.")
+    first = material.initial.layers[name]
+    return replace(first, values=values, replacement=Replacement(layer, values, others))
 
 
 def _edited_layer(
@@ -127,12 +169,16 @@ def _edited_layer(
         elif key == "curve":
             curve = None if value is None else Curve.from_json(_mapping(value, f"{where}.curve"))
             layer = replace(layer, curve=curve)
+        elif key == "outgoing_curve":
+            field = f"{where}.{key}"
+            outward = None if value is None else Curve.from_json(_mapping(value, field))
+            layer = replace(layer, outgoing_curve=outward)
         elif key == "enabled":
             layer = replace(layer, enabled=_boolean(value, f"{where}.enabled"))
         elif key == "weight":
             layer = replace(layer, weight=cast(float, WEIGHT.validate(value, f"{where}.")))
         else:
-            raise UnknownName("entry", key, ["parameters", "curve", "enabled", "weight"])
+            raise UnknownName("entry", key, _ENTRIES)
     return layer
 
 

@@ -52,7 +52,9 @@ class ViewPictures:
         if frozen.targets != targets or frozen.revision != self.transport.revision:
             return False
         return all(
-            i in targets or frozen.state[item.id] == state[item.id]
+            frozen.state[item.id].replacements == state[item.id].replacements
+            if i in targets
+            else frozen.state[item.id] == state[item.id]
             for i, item in enumerate(self.transport.basis.objects)
         )
 

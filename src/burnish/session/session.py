@@ -26,6 +26,7 @@ from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.materials.names import WEIGHT, resolve
+from burnish.materials.replacement import replaced
 from burnish.runtime.renderer import Renderer
 from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
@@ -123,8 +124,9 @@ class Session:
         return self._history.labels, self._history.position
 
     def material(self, object_id: str) -> Material | None:
-        """The material of an editable object, else None."""
-        return self._materials.get(object_id)
+        """The material of an editable object, with the models that it has now, else None."""
+        material = self._materials.get(object_id)
+        return None if material is None else material.as_in(self._history.state[object_id])
 
     def on_change(self, callback: Callable[[], None]) -> Callable[[], None]:
         """Call `callback` after every change of the state, such as to save automatically.
@@ -205,7 +207,7 @@ class Session:
 
         Paths are those of `materials.names`, OpenPBR's names among them. Raises UnknownName.
         """
-        address = resolve(self._materials, path)
+        address = resolve(self._current(), path)
         return address.read(self._history.state[address.object])
 
     def set(self, path: str, value: object) -> None:
@@ -213,10 +215,11 @@ class Session:
 
         Raises UnknownName with the nearest names, InvalidValue with the range.
         """
-        address = resolve(self._materials, path)
+        materials = self._current()
+        address = resolve(materials, path)
         if isinstance(value, str) and value.startswith("#"):
             value = colour_from_hex(value)
-        material, state = self._materials[address.object], self._history.state[address.object]
+        material, state = materials[address.object], self._history.state[address.object]
         changed = address.write(material, state, value)
         self._change(address.object, changed, f"Set {path} to {_shown(address.read(changed))}")
 
@@ -224,6 +227,37 @@ class Session:
         """Put a freehand curve on a layer's profile, or take it away. Raises UnknownName."""
         label = f"Drew the curve of {layer_path}" if curve else f"Cleared the curve of {layer_path}"
         self._change_layer(layer_path, label, curve=curve)
+
+    def set_outgoing_curve(self, layer_path: str, curve: Curve | None) -> None:
+        """Put a freehand factor on the viewing angle of a layer, or take it away.
+
+        At t = θo / 90°; see `LayerState`. Raises UnknownName.
+        """
+        label = f"{'Drew' if curve else 'Cleared'} the viewing curve of {layer_path}"
+        self._change_layer(layer_path, label, outgoing_curve=curve)
+
+    @property
+    def models_fixed(self) -> str:
+        """Why no layer can be given another model here, or ""."""
+        if all(getattr(view.transport, "remodels", False) for view in self._pictures.values()):
+            return ""
+        return (
+            "A bake holds the light for the models that it was made with; open the scene itself "
+            "to choose another one."
+        )
+
+    def set_model(self, layer_path: str, model: str) -> None:
+        """Give a layer another reflectance model, by its name; what can carries over.
+
+        The light that reaches the object has to be traced anew: for live sessions alone. The
+        name of the scene's own model brings that back, with its numbers. Raises UnknownName,
+        InvalidValue.
+        """
+        object_id, name = resolve_layer(self._materials, layer_path)
+        state = self._history.state[object_id]
+        changed = replaced(self._materials[object_id], state, name, model, self._basis.series[0])
+        self._check_models({object_id: changed})
+        self._change(object_id, changed, f"Made {layer_path} {model}")
 
     def set_enabled(self, layer_path: str, enabled: bool) -> None:
         """Switch a layer on or off. Raises UnknownName."""
@@ -261,8 +295,9 @@ class Session:
             object_id, layer = resolve_layer(self._materials, path)
         except UnknownName:
             # The stored number itself: OpenPBR's roughness would round on its way
-            address = replace(resolve(self._materials, path), squared=False)
-            material = self._materials[address.object]
+            materials = self._current()
+            address = replace(resolve(materials, path), squared=False)
+            material = materials[address.object]
             state = self._history.state[address.object]
             original = address.read(material.initial)
             self._change(address.object, address.write(material, state, original), label)
@@ -271,10 +306,11 @@ class Session:
         self._change_layer(path, label, **{name: getattr(initial, name) for name in vars(initial)})
 
     def restore(self, state: State, label: str = "Restored a state") -> None:
-        """Make a kept `state` the present one, as one step. Raises UnknownName."""
+        """Make a kept `state` the present one, as one step. Raises UnknownName, InvalidValue."""
         for object_id in self._materials:
             if object_id not in state:
                 raise UnknownName("object", object_id, state)
+        self._check_models(state)
         self._record(label, {object_id: state[object_id] for object_id in self._materials})
 
     def gesture(self) -> AbstractContextManager[None]:
@@ -370,7 +406,7 @@ class Session:
     def warnings(self) -> list[str]:
         """What is odd about the present materials, one line each."""
         result: list[str] = []
-        for object_id, material in self._materials.items():
+        for object_id, material in self._current().items():
             state = self._history.state[object_id]
             known = self._warned.get(object_id)
             if known is None or known[0] != state:
@@ -390,7 +426,9 @@ class Session:
 
         Raises InvalidValue, UnknownName, and then changes nothing.
         """
-        self._record(f"Loaded {where}", edits_from_text(text, self._materials, where))
+        state = edits_from_text(text, self._materials, where)
+        self._check_models(state)
+        self._record(f"Loaded {where}", state)
 
     def save(self, path: str | Path) -> None:
         """Write the edits to a small readable file. Raises MissingFile, CannotWrite."""
@@ -422,6 +460,21 @@ class Session:
 
     def _targets(self) -> tuple[int, ...]:
         return tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
+
+    def _current(self) -> dict[str, Material]:
+        """The materials with the models that they have now."""
+        state = self._history.state
+        return {name: material.as_in(state[name]) for name, material in self._materials.items()}
+
+    def _check_models(self, state: State) -> None:
+        """Raises InvalidValue when a state has models that this session cannot show."""
+        if not self.models_fixed:
+            return
+        for object_id, item in state.items():
+            for layer in item.replacements:
+                raise InvalidValue(
+                    f"{object_id}.{layer} cannot have another model: {self.models_fixed}"
+                )
 
     def _view(self, view: str | None) -> ViewPictures:
         if view is None:
