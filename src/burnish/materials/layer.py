@@ -11,6 +11,7 @@ from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Float64, Value
 from burnish.materials.curve import Curve
 from burnish.materials.model import Model, Values
+from burnish.materials.painting.stroke import Stroke
 from burnish.materials.parameter import Parameter
 
 
@@ -131,11 +132,13 @@ class MaterialState:
     """The state of every layer of one object, by layer name.
 
     conserve: link the layers' weights so that together they reflect no more than they
-    receive (2006, footnote 2).
+    receive (2006, footnote 2). strokes: what was painted on it, in order; `painting` makes of
+    them what each point of the surface has.
     """
 
     layers: Mapping[str, LayerState]
     conserve: bool = False
+    strokes: tuple[Stroke, ...] = ()
 
     @property
     def replacements(self) -> dict[str, Replacement]:

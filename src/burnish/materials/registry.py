@@ -48,6 +48,7 @@ from burnish.materials.models.principled import (
 )
 from burnish.materials.models.schlick import Schlick
 from burnish.materials.models.ward import WardRatio, WardWidth
+from burnish.materials.painting.stroke import Stroke
 
 MODELS: dict[str, type[Model]] = {
     model.name: model
@@ -178,9 +179,11 @@ def layer_state_from_json(data: Mapping[str, Any]) -> LayerState:
 
 def state_to_json(state: MaterialState) -> Json:
     """What was set on one material."""
+    painted = {"strokes": [item.to_json() for item in state.strokes]} if state.strokes else {}
     return {
         "layers": {name: layer_state_to_json(layer) for name, layer in state.layers.items()},
         "conserve": state.conserve,
+        **painted,
     }
 
 
@@ -188,7 +191,8 @@ def state_from_json(data: Mapping[str, Any]) -> MaterialState:
     """The inverse of `state_to_json`. Raises InvalidValue."""
     with _complaint("material state", data):
         layers = {name: layer_state_from_json(layer) for name, layer in data["layers"].items()}
-        return MaterialState(layers, bool(data["conserve"]))
+        strokes = tuple(Stroke.from_json(item) for item in data.get("strokes", ()))
+        return MaterialState(layers, bool(data["conserve"]), strokes)
 
 
 def material_to_json(material: Material) -> Json:

@@ -29,6 +29,8 @@ from burnish.materials.coefficients import (
     outgoing,
 )
 from burnish.materials.layer import Layer, Material, MaterialState
+from burnish.materials.lights import LightGroup, mix
+from burnish.materials.painting.varied import Mixture
 from burnish.transport.monomials import Monomials
 
 State = Mapping[str, MaterialState]
@@ -171,8 +173,14 @@ class Basis:
     # -- from a state to numbers ----------------------------------------------------------
 
     def column_coefficients(self, index: int, state: State, indirect: bool = False) -> Float64:
-        """Coefficients of one object's columns: float64 [columns, 3], linear RGB."""
+        """Coefficients of one object's columns: float64 [columns, 3], linear RGB.
+
+        A painted material has coefficients of its own in every fine row (`runtime.painted`).
+        """
         item = self.objects[index]
+        own = state[item.id]
+        if isinstance(own, Mixture) and indirect:
+            return own.coarse[self.indirect_bins]
         settled = conserved(item.material, state[item.id])
         parts = [
             coarse_coefficients(
@@ -219,6 +227,8 @@ class Basis:
 
     def _object_albedos(self, index: int, state: MaterialState) -> Float64:
         """d of one object's groups: float64 [groups, 3]."""
+        if isinstance(state, Mixture):
+            return state.albedos
         material = self.objects[index].material
         settled = conserved(material, state)
         result = np.zeros((len(material.groups), 3))
@@ -228,6 +238,8 @@ class Basis:
 
     def _object_coarse_values(self, index: int, state: MaterialState) -> Float64:
         """ĉ_w of one object's layers: float64 [coarse columns, 3]."""
+        if isinstance(state, Mixture):
+            return state.coarse[self.coarse_bins]
         material = self.objects[index].material
         settled = conserved(material, state)
         return np.concatenate(

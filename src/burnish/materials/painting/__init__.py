@@ -1,0 +1,1 @@
+"""Painted materials: strokes as values, the maps that they make, what varies from row to row."""
