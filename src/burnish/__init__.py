@@ -88,6 +88,7 @@ def bake(
     editable: Sequence[str] | None = None,
     series: Sequence[int] | None = None,
     bins: Mapping[str, int] | None = None,
+    light_groups: Sequence[str] | None = None,
     spp: int | None = None,
     minutes: float | None = None,
     seed: int = 0,
@@ -98,9 +99,12 @@ def bake(
 
     path: where the bundle goes; a temporary one, gone with the process, without it.
     series: bins per bounce from the eye, (64, 1, 1, 1) without it. bins: other numbers of
-    bins by object id or "object.layer". spp: samples per pixel, 256 without `minutes`, which
-    spends about that long instead. resume: go on with an interrupted bake of the same path,
-    with its settings. progress: called with the fraction done and what is being done.
+    bins by object id or "object.layer". light_groups: lights to tell apart, so that material
+    edits under a changed mix need no tracing: names, "name=light+light", or ("each",); up to
+    four with the one of all others, and the bundle grows by as many times. spp: samples per
+    pixel, 256 without `minutes`, which spends about that long instead. resume: go on with an
+    interrupted bake of the same path, with its settings. progress: called with the fraction
+    done and what is being done.
 
     >>> burnish.bake(scene, "out.burnish", series=(128, 8, 1), minutes=20)   # doctest: +SKIP
 
@@ -118,8 +122,8 @@ def bake(
         folder = tempfile.mkdtemp(prefix="burnish-")
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         path = Path(folder) / f"{scene.name}.burnish"
-    chosen = any(option is not None for option in (editable, series, bins))
-    basis = basis_for(scene, editable, series or (64, 1, 1, 1), bins)
+    chosen = any(option is not None for option in (editable, series, bins, light_groups))
+    basis = basis_for(scene, editable, series or (64, 1, 1, 1), bins, light_groups or ())
     return bake(
         scene,
         basis if chosen or not resume else None,

@@ -110,6 +110,7 @@ Examples:
   burnish bake cornell-box -o box.burnish
   burnish bake scene.xml -o out.burnish --editable teapot,tray --series 128,8,1
   burnish bake scene.xml -o out.burnish --bins teapot=256,tray=16 --minutes 30
+  burnish bake ring -o ring.burnish --light-groups lamp,studio
   burnish bake scene.xml -o out.burnish --resume"""
 )
 @click.argument("scene")
@@ -129,6 +130,12 @@ Examples:
     help="Bins per bounce from the eye, such as 64,1,1,1 (the default), 128,8,1 or 64,16.",
 )
 @click.option("--bins", metavar="A=N,…", help="Other numbers of bins for an object or a layer.")
+@click.option(
+    "--light-groups",
+    metavar="A,B,NAME=C+D|each",
+    help="Lights to tell apart, up to four groups with the one of the others, so that materials "
+    "can be edited under a changed mix with no tracing.",
+)
 @click.option(
     "--spp",
     type=click.IntRange(1),
