@@ -58,7 +58,7 @@ class Travel:
         x = np.linspace(0.0, 1.0, count)
         if self.parameter.scale == "linear":
             return np.asarray(low + (high - low) * x * x)
-        first = max(low, 1e-3 * high)
+        first = low if low > 0 else 1e-3 * high
         rising = first * (high / first) ** x
         rising[0], rising[-1] = first, high
         return np.asarray(rising if first == low else np.concatenate([[low], rising]))

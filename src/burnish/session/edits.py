@@ -11,6 +11,8 @@
     }
 
 A layer's entry may have `parameters`, `curve` (see `Curve`), `enabled` and `weight`.
+An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
+are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import LayerState, Material, MaterialState, Replacement
 from burnish.materials.names import WEIGHT
+from burnish.materials.painting.stroke import Stroke
 from burnish.materials.registry import layer_from_json, layer_to_json
 from burnish.transport.basis import State
 
@@ -44,7 +47,9 @@ def edits_to_text(state: State, materials: Mapping[str, Material], scene: str) -
         entry = _object_entry(now, material.as_in(now).initial)
         if entry:
             objects[object_id] = entry
-    data = {"format": FORMAT, "version": VERSION, "scene": scene, "objects": objects}
+    painted = any(state[object_id].strokes for object_id in materials)
+    version = VERSION if painted else 1
+    data = {"format": FORMAT, "version": version, "scene": scene, "objects": objects}
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -86,6 +91,8 @@ def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
             entry[name] = changed
     if state.conserve != initial.conserve:
         entry["conserve"] = state.conserve
+    if state.strokes:
+        entry["strokes"] = [item.to_json() for item in state.strokes]
     return entry
 
 
@@ -123,9 +130,13 @@ def _plain(values: Mapping[str, Value]) -> Json:
 def _edited(material: Material, entry: Mapping[str, Any], where: str) -> MaterialState:
     layers = dict(material.initial.layers)
     conserve = material.initial.conserve
+    strokes: tuple[Stroke, ...] = ()
     for name, changes in entry.items():
         if name == "conserve":
             conserve = _boolean(changes, f"{where}.conserve")
+            continue
+        if name == "strokes":
+            strokes = _strokes(changes, f"{where}.strokes")
             continue
         if name not in layers:
             raise UnknownName("layer", f"{where}.{name}", [f"{where}.{item}" for item in layers])
@@ -135,7 +146,16 @@ def _edited(material: Material, entry: Mapping[str, Any], where: str) -> Materia
             layers[name] = _with_model(material, name, given.pop("model"), f"{field}.model")
         now = material.as_in(MaterialState(layers))
         layers[name] = _edited_layer(now, name, layers[name], given, field)
-    return MaterialState(layers, conserve)
+    return MaterialState(layers, conserve, strokes)
+
+
+def _strokes(value: object, where: str) -> tuple[Stroke, ...]:
+    """The strokes of an object. Raises InvalidValue."""
+    if not isinstance(value, list):
+        raise InvalidValue(f"{where} must be a list in brackets; got {value!r}")
+    return tuple(
+        Stroke.from_json(_mapping(item, f"{where}[{number}]")) for number, item in enumerate(value)
+    )
 
 
 def _with_model(material: Material, name: str, entry: object, where: str) -> LayerState:

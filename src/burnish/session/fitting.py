@@ -198,6 +198,12 @@ def chosen_unknowns(
     Raises UnknownName, InvalidValue, TooLarge.
     """
     ids, state = _objects(session, objects, parameters), session.state
+    painted = [name for name, item in state.items() if item.strokes]
+    if painted:
+        raise InvalidValue(
+            f"{', '.join(painted)} is painted, and a fit is of uniform materials: erase the paint "
+            'first, session.paint_whole("eraser", [...])'
+        )
     materials = {name: item for name in state if (item := session.material(name)) is not None}
     unknowns = unknowns_of(materials, state, ids, parameters, curve)
     fitted = tuple(dict.fromkeys(item.object for item in unknowns))

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 
-from burnish.core.types import Int32
+from burnish.core.types import Float32, Int32
+from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.freeze import BakedTransport
+from burnish.runtime.painted import PaintedRenderer, PaintedRows
 from burnish.runtime.renderer import Renderer
+from burnish.session.surface import Surface
 from burnish.transport.basis import State
-from burnish.transport.frozen import Transport
+from burnish.transport.frozen import Frozen, Transport
 from burnish.transport.pack import BlockSource
 
 
@@ -20,7 +24,11 @@ class _Frozen:
     targets: tuple[int, ...]
     state: State
     revision: int
-    renderer: Renderer
+    frozen: Frozen
+
+    @cached_property
+    def renderer(self) -> Renderer:
+        return Renderer(self.frozen)
 
 
 class ViewPictures:
@@ -32,16 +40,59 @@ class ViewPictures:
             cast(Transport, source) if hasattr(source, "freeze") else BakedTransport(source)
         )
         self._frozen: _Frozen | None = None
+        self._painted: PaintedRenderer | None = None
+        self._surfaces: dict[int, Surface] = {}
+        self._varied: dict[int, VariedObject] = {}
         self._map: tuple[int, Int32] | None = None
 
-    def renderer(self, targets: tuple[int, ...], state: State) -> Renderer:
-        """The renderer for targets (rising indices), frozen again only where it must be."""
+    def _freeze(self, targets: tuple[int, ...], state: State) -> _Frozen:
+        """The form frozen for targets (rising indices), made again only where it must be."""
         if self._frozen is None or not self._holds(self._frozen, targets, state):
             # Let go of the old form first: two of them may not fit
-            self._frozen = None
+            self._frozen = self._painted = None
             frozen = self.transport.freeze(targets, state)
-            self._frozen = _Frozen(targets, state, frozen.revision, Renderer(frozen))
-        return self._frozen.renderer
+            self._frozen = _Frozen(targets, state, frozen.revision, frozen)
+        return self._frozen
+
+    def renderer(self, targets: tuple[int, ...], state: State) -> Renderer:
+        """The renderer for targets, blind to paint, for gradients."""
+        return self._freeze(targets, state).renderer
+
+    def image(self, targets: tuple[int, ...], state: State) -> Float32:
+        """The picture with the targets' materials and paint: float32 [height, width, 3].
+
+        An object that the view does not meet itself counts as unpainted.
+        """
+        frozen = self._freeze(targets, state)
+        surfaces = {
+            i: self.surface(i)
+            for i in targets
+            if state[self.transport.basis.objects[i].id].strokes and len(self.surface(i).pixel)
+        }
+        if not surfaces:
+            return frozen.renderer.image(state)
+        painted = frozenset(surfaces)
+        if self._painted is None or self._painted.painted != painted:
+            self._painted = PaintedRenderer(frozen.frozen, painted)
+        rows = {}
+        for i, surface in surfaces.items():
+            item = frozen.frozen.basis.objects[i]
+            known = self._varied.get(i)
+            if known is None or known.material is not item.material:
+                basis = frozen.frozen.basis
+                counts = {basis.coarse_bins, basis.indirect_bins}
+                known = VariedObject(item.material, surface.canvas, surface.area, counts)
+                self._varied[i] = known
+            rows[i] = PaintedRows(surface.pixel, known.at(state[item.id]))
+        return self._painted.image(state, rows)
+
+    def surface(self, index: int) -> Surface:
+        """What the view shows of an object's surface, with its paint."""
+        known = self._surfaces.get(index)
+        if known is None or known.rows is not self.transport.rows:
+            known = self._surfaces[index] = Surface(self.transport, index)
+            self._varied.pop(index, None)
+        return known
 
     def ready(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether `renderer` answers at once; a live transport begins what it would wait for."""

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,10 +28,13 @@ from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.materials.names import WEIGHT, resolve
 from burnish.materials.replacement import replaced
 from burnish.runtime.renderer import Renderer
+from burnish.session.brushes import Brush, BrushName, brushes
 from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
+from burnish.session.painting import BrushOptions, PaintStroke, paint_whole, painting
 from burnish.session.paths import resolve_layer
 from burnish.session.pictures import ViewPictures
+from burnish.session.surface import Surface
 from burnish.transport.basis import State, initial_state
 from burnish.transport.frozen import Transport
 from burnish.transport.pack import BlockSource
@@ -279,6 +282,79 @@ class Session:
         label = f"{'Linked' if conserve else 'Unlinked'} the layers of {object_id}"
         self._change(object_id, state, label)
 
+    # -- paint ------------------------------------------------------------------------------
+
+    def brushes(self, object_id: str) -> dict[BrushName, Brush]:
+        """The brushes of an object's material, those that it lacks with the reason.
+
+        Raises UnknownName, InvalidValue for an object that is not editable.
+        """
+        self._check_editable(object_id)
+        material = self.material(object_id)
+        assert material is not None
+        return brushes(material, self._history.state[object_id])
+
+    def stroke(
+        self,
+        brush: str,
+        *,
+        objects: Sequence[str] | Literal["all"] | None = None,
+        view: str | None = None,
+        **options: Any,
+    ) -> AbstractContextManager[PaintStroke]:
+        """Draw a stroke bit by bit: one step of undo, and the picture follows.
+
+        brush: a name of `brushes`. objects: the one that the stroke first meets, those named,
+        or "all". options: those of `BrushOptions`: size, strength, falloff, color, amount,
+        layer, source, straight.
+
+        >>> with session.stroke("blur", size=30) as drawn:         # doctest: +SKIP
+        ...     drawn.extend([(120, 90), (140, 95)])
+        ...     image = session.frame()
+
+        Raises UnknownName, InvalidValue, TooLarge.
+        """
+        return painting(self, brush, BrushOptions(**options), objects, view)
+
+    def paint(
+        self,
+        brush: str,
+        points: Sequence[Sequence[float]],
+        *,
+        objects: Sequence[str] | Literal["all"] | None = None,
+        view: str | None = None,
+        **options: Any,
+    ) -> tuple[str, ...]:
+        """A whole stroke at once; takes what `stroke` takes and gives the objects it met.
+
+        points: (x, y) or (x, y, pressure), in view pixels from the upper left corner.
+
+        >>> session.paint("diffuse-color", [(100, 80), (160, 95)], color="#c03020")
+        ('teapot',)                                                # doctest: +SKIP
+        """
+        with self.stroke(brush, objects=objects, view=view, **options) as drawn:
+            drawn.extend(points)
+        return drawn.objects
+
+    def paint_whole(
+        self, brush: str, objects: Sequence[str] | None = None, **options: Any
+    ) -> tuple[str, ...]:
+        """A brush on all of some objects (the selected ones), what is painted there included.
+
+        options: strength, color, amount and layer of `BrushOptions`. An eraser of strength 1
+        takes all paint off. Raises UnknownName, InvalidValue.
+        """
+        chosen = self._selected if objects is None else tuple(objects)
+        if not chosen:
+            raise InvalidValue("name the objects to paint, or select some")
+        return paint_whole(self, brush, BrushOptions(**options), chosen)
+
+    def surface(self, object_id: str, view: str | None = None) -> Surface:
+        """What a view shows of an object's surface, row by row. Raises UnknownName."""
+        return self._view(view).surface(self._basis.index(object_id))
+
+    # -- the scene's own --------------------------------------------------------------------
+
     def reset(self, path: str | None = None) -> None:
         """Back to the scene's own: a parameter, a layer, an object, or everything (None).
 
@@ -339,7 +415,7 @@ class Session:
         selection, another object's material or the transport have changed. Raises
         UnknownName, TooLarge.
         """
-        return self.renderer(view).image(self._history.state)
+        return self._view(view).image(self._targets(), self._history.state)
 
     def ready(self, view: str | None = None) -> bool:
         """Whether `frame` answers at once.
@@ -459,7 +535,13 @@ class Session:
     # -- inside -----------------------------------------------------------------------------
 
     def _targets(self) -> tuple[int, ...]:
-        return tuple(sorted(self._basis.index(object_id) for object_id in self._selected))
+        """The selected objects and the painted ones, whose rows differ."""
+        state = self._history.state
+        return tuple(
+            i
+            for i, item in enumerate(self._basis.objects)
+            if item.id in self._selected or state[item.id].strokes
+        )
 
     def _current(self) -> dict[str, Material]:
         """The materials with the models that they have now."""
