@@ -1,4 +1,4 @@
-"""Frames from row directions are those of dense rows, forwards and backwards."""
+"""Frames from folded blocks, row directions and dense rows are the same, forwards and back."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from burnish.runtime.freeze import freeze
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import initial_state
 from burnish.transport.expansion import Expansion
-from burnish.transport.frozen import Frozen
+from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
 from burnish.transport.pack import TiledBlocks
 from tests.runtime.worlds import basis_of, edited, random_world, shaded
 
@@ -60,8 +60,8 @@ def low_rank(source: TiledBlocks) -> TiledBlocks:
 
 def expanded(frozen: Frozen) -> Frozen:
     """The same frozen form with dense rows."""
-    parts = []
-    for part in frozen.parts:
+    parts: list[FrozenPart | FoldedPart] = []
+    for part in (item.dense() for item in frozen.parts):
         if part.expansion is not None:
             F = np.stack([part.expansion.expand(np.stack([x] * 3))[0] for x in columns_of(part.F)])
             F = F.reshape(3, part.F.shape[2], -1).transpose(0, 2, 1)
@@ -81,10 +81,13 @@ def test_frames_and_gradients_are_those_of_dense_rows(series: tuple[int, ...]) -
     source = low_rank(random_world(basis)[0])
     start = initial_state(basis.objects)
     frozen = freeze(source, (0, 2), start)
-    assert any(part.expansion is not None for part in frozen.parts)
+    assert any(isinstance(part, FoldedPart) for part in frozen.parts)
+    directed = replace(frozen, parts=[part.dense() for part in frozen.parts])
     state = edited(start, "box", exponent=7.0)
     ours, dense = Renderer(frozen), Renderer(expanded(frozen))
     np.testing.assert_allclose(ours.image(state), dense.image(state), rtol=1e-4, atol=1e-5)
+    image = Renderer(directed).image(state)
+    np.testing.assert_allclose(image, dense.image(state), rtol=1e-4, atol=1e-5)
     upstream = np.random.default_rng(2).random(ours.image(state).shape).astype(np.float32)
     a, b = ours.gradient(state, upstream), dense.gradient(state, upstream)
     np.testing.assert_allclose(a.powers, b.powers, rtol=1e-3, atol=1e-3)

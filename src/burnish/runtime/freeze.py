@@ -6,39 +6,38 @@ quotient d^z / d_i^n, so that an albedo of 0 is an ordinary value),
 
     F[r, c, n] = Σ_z T[r, c, z] A[z, n],        V[r, n] = Σ_c s_c(r) coefficient_c F[r, c, n],
 
-F for rows that first meet a target and V for all others. Both are contracted in
-compressed form: the tails through S, then the columns, and the rows at the end; a target's
-rows stay in the directions of their blocks, for a frame to expand.
+F for rows that first meet a target and V for all others. All is contracted in compressed
+form: the tails through S, then the columns, and the rows at the end. F itself is never made:
+a target's blocks are smaller, and a frame contracts their columns as fast (`FoldedPart`).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.core.parallel import parallel_map
-from burnish.core.types import Float32, Int32
+from burnish.core.types import Float32
 from burnish.transport.basis import Basis, ColumnSlice, State
-from burnish.transport.expansion import Expansion
-from burnish.transport.frozen import Frozen, FrozenPart, Powers
+from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart, Powers
 from burnish.transport.lights import base_under, over_lights
-from burnish.transport.pack import BlockSource, Pack
+from burnish.transport.pack import BlockSource
 from burnish.transport.rows import Rows
+from burnish.transport.stack import Stack, contract
 
-_CHUNK = 1 << 15
-"""Entries of a pack's last axis that are widened to float32 at a time, to stay in cache."""
+_STRIP = 1 << 12
+"""Pixels that are transposed at a time, to stay in cache."""
 
 
 @dataclass
 class BakedTransport:
     """A `Transport` over stored blocks: freezing contracts them.
 
-    memory: the bytes of F that a freeze may make; None for half of the machine's.
+    memory: the bytes that a freeze may make; None for half of the machine's.
     """
 
     source: BlockSource
@@ -81,7 +80,7 @@ def freeze(
     """Freeze a view for a set of targets (indices into `Basis.objects`, in any order).
 
     state: the materials of all objects; those of the targets do not matter.
-    Raises InvalidValue for a target out of range, TooLarge when F would need more than
+    Raises InvalidValue for a target out of range, TooLarge when V would need more than
     `memory` bytes (None: half of the machine's memory).
     """
     basis = source.basis
@@ -92,16 +91,21 @@ def freeze(
         )
     powers, factors = tail_factors(basis, chosen, state)
     powers, factors = over_lights(basis, powers, factors, state, symbolic=not chosen)
-    rows = source.rows
-    alike: dict[tuple[int, bool, int], list[Pack]] = {}
-    for pack in source.packs():
-        alike.setdefault((pack.object, pack.indirect, pack.start), []).append(pack)
-    _check_memory(basis, list(alike.values()), chosen, len(powers.exponents), memory)
+    stacks = source.stacks()
+    others = [stack for stack in stacks if stack.object not in chosen]
+    pixels = source.width * source.height
+    if others:
+        _check_memory(basis, chosen, len(powers.exponents), pixels, memory)
 
-    base, parts = base_under(basis, powers, source.base, state)
-    for (index, _, _), members in sorted(alike.items()):
-        contract = _keep_columns if index in chosen else _contract_columns
-        parts.append(contract(basis, rows, members, factors, state))
+    base, first = base_under(basis, powers, source.base, state)
+    parts: list[FrozenPart | FoldedPart] = list(first)
+    parts += [
+        FoldedPart.of(stack, _columns_of(basis, stack), factors)
+        for stack in stacks
+        if stack.object in chosen
+    ]
+    if others:
+        parts.append(_contract_columns(basis, others, factors, state, pixels))
     return Frozen(
         basis=basis,
         targets=chosen,
@@ -159,143 +163,68 @@ def tail_factors(basis: Basis, targets: tuple[int, ...], state: State) -> tuple[
     return powers, factors
 
 
-def _contract_tails(pack: Pack, factors: Float32) -> Float32:
-    """S · A of every block of a pack: float32 [3, Σ b, powers]."""
-    z, n, _ = factors.shape
-    product = pack.S.astype(np.float32) @ factors.transpose(0, 2, 1).reshape(z, 3 * n)
-    return np.ascontiguousarray(product.reshape(-1, 3, n).transpose(1, 0, 2))
-
-
-def _columns_of(basis: Basis, pack: Pack) -> ColumnSlice:
-    """The columns of a pack, as a run of its object's that shares one outgoing factor."""
-    slices = basis.indirect_slices if pack.indirect else basis.slices
-    whole = next(piece for piece in slices(pack.object) if pack.start < piece.stop)
-    return replace(whole, start=pack.start, stop=pack.start + len(pack.column_scale))
-
-
-def _keep_columns(
-    basis: Basis, rows: Rows, packs: list[Pack], factors: Float32, state: State
-) -> FrozenPart:
-    """F of a target's rows, for the columns that the packs share.
-
-    In the blocks' own row directions where that is smaller, as it is for wide columns.
-    """
-    columns = _columns_of(basis, packs[0])
-    members, starts = _members(packs)
-    n = factors.shape[1]
-    by_row, by_direction = _sizes(packs, n)
-    expanded = by_row <= by_direction
-    if not expanded:
-        directions = [int(pack.shape[:, 1].sum()) for pack in packs]
-        starts = [0, *accumulate(directions)]
-    count = len(members) if expanded else starts.pop()
-    F = np.empty((3, count, (columns.stop - columns.start) * n), np.float32)
-
-    def work(pack: Pack, first: int) -> None:
-        tails = _contract_tails(pack, factors)
-        scale = pack.column_scale[None, :, None, None]
-        for k, (r, a, b) in enumerate(pack.shape):
-            at, end = pack.offsets[k], pack.offsets[k + 1]
-            core = pack.core[:, :, at[2] : end[2]].astype(np.float32).reshape(3, -1, b)
-            G = (core @ tails[:, at[3] : end[3]]).reshape(3, -1, a, n)
-            G = np.multiply(G, scale, out=G).transpose(0, 2, 1, 3)
-            if expanded:
-                U = pack.U[at[1] : end[1]].reshape(r, a)
-                np.matmul(U, G.reshape(3, a, -1), out=F[:, first : first + r])
-            else:
-                F[:, first : first + a].reshape(G.shape)[:] = G
-            first += r if expanded else a
-
-    parallel_map(work, packs, starts)
-    return FrozenPart(
-        object=packs[0].object,
-        indirect=packs[0].indirect,
-        pixel=rows.pixel[members],
-        F=F,
-        cos_theta_o=rows.cos_theta_o[members],
-        slice=columns,
-        expansion=None if expanded else Expansion.of(_row_directions(packs)),
-    )
-
-
-def _row_directions(packs: Sequence[Pack]) -> Iterator[Float32]:
-    """U of every block: float32 [r, a]."""
-    for pack in packs:
-        for k, (r, a, _) in enumerate(pack.shape):
-            yield pack.U[pack.offsets[k, 1] : pack.offsets[k + 1, 1]].reshape(r, a)
-
-
-def _sizes(packs: Sequence[Pack], powers: int) -> tuple[int, int]:
-    """Bytes of F by rows, and by the blocks' row directions with what expands them."""
-    r = sum(int(pack.shape[:, 0].sum()) for pack in packs)
-    a = sum(int(pack.shape[:, 1].sum()) for pack in packs)
-    width = 12 * powers * packs[0].core.shape[1]
-    return r * width, a * width + sum(pack.U.nbytes for pack in packs)
+def _columns_of(basis: Basis, stack: Stack) -> ColumnSlice:
+    """The columns of a stack, as a run of its object's that shares one outgoing factor."""
+    slices = basis.indirect_slices if stack.indirect else basis.slices
+    whole = next(piece for piece in slices(stack.object) if stack.start < piece.stop)
+    return replace(whole, start=stack.start, stop=stack.start + stack.columns)
 
 
 def _contract_columns(
-    basis: Basis, rows: Rows, packs: list[Pack], factors: Float32, state: State
+    basis: Basis, stacks: list[Stack], factors: Float32, state: State, pixels: int
 ) -> FrozenPart:
-    """V of rows that first meet an object that is no target, for columns that packs share."""
-    first, columns = packs[0], _columns_of(basis, packs[0])
-    members, starts = _members(packs)
-    # The columns' coefficients, with their weights undone
-    values = basis.column_coefficients(first.object, state, first.indirect)
-    values = values[columns.start : columns.stop] * first.column_scale[:, None]
-    weights = np.ascontiguousarray(values.T, dtype=np.float32)
-    V = np.empty((3, len(members), factors.shape[1]), np.float32)
+    """V of all rows that first meet an object that is no target, added up by pixel."""
+    z, n, _ = factors.shape
+    slices = [_columns_of(basis, stack) for stack in stacks]
+    weights = [
+        basis.column_coefficients(stack.object, state, stack.indirect)[piece.start : piece.stop]
+        for stack, piece in zip(stacks, slices, strict=True)
+    ]
+    by_channel = factors.transpose(0, 2, 1).reshape(z, 3 * n)
 
-    def work(pack: Pack, start: int) -> None:
-        contracted = _apply_columns(pack.core, weights)
-        tails = _contract_tails(pack, factors)
-        for k, (r, a, b) in enumerate(pack.shape):
-            at, end = pack.offsets[k], pack.offsets[k + 1]
-            row = start + int(at[0])
-            U = pack.U[at[1] : end[1]].reshape(r, a)
-            core = contracted[:, at[2] : end[2]].reshape(3, a, b)
-            np.matmul(U, core @ tails[:, at[3] : end[3]], out=V[:, row : row + r])
+    def fold(stack: Stack, found: tuple[list[Float32], Float32]) -> Float32:
+        cells, peak = found
+        tails = stack.meet_tails(by_channel).reshape(3, n, -1)
+        tails *= peak[:, None, None]
+        return stack.fold(cells, tails).reshape(3 * n, -1)
 
-    parallel_map(work, packs, starts)
-    cosines = rows.cos_theta_o[members]
-    if not first.indirect:
-        factor = basis.outgoing_factor(first.object, state, columns, cosines.astype(np.float64))
+    latents = parallel_map(fold, stacks, contract(stacks, weights))
+    picture = np.zeros((pixels + 1, 3 * n), np.float32)
+    for stack, piece, latent in zip(stacks, slices, latents, strict=True):
+        factor, factors_of_rows = None, None
+        if not stack.indirect:
+            cosines = stack.cos_theta_o.astype(np.float64)
+            factor = basis.outgoing_factor(stack.object, state, piece, cosines)
         if factor is not None:
-            V *= factor.T.astype(np.float32)[:, :, None]
-    return FrozenPart(first.object, first.indirect, rows.pixel[members], V, cosines, None)
+            by_row = np.broadcast_to(factor, (len(factor), 3)).astype(np.float32)
+            factors_of_rows = np.repeat(by_row, n, axis=1)
+        stack.expansion.add(latent, picture, stack.places(pixels), factors_of_rows)
+    return FrozenPart(
+        object=-1,
+        indirect=False,
+        pixel=np.arange(pixels, dtype=np.int32),
+        F=_planes(picture[:-1]).reshape(3, n, pixels).transpose(0, 2, 1),
+        cos_theta_o=np.ones(pixels, np.float32),
+        slice=None,
+    )
 
 
-def _apply_columns(core: np.ndarray, weights: Float32) -> Float32:
-    """Σ_c weights[h, c] core[h, c, N], widened chunk by chunk: float32 [3, N]."""
-    length = core.shape[2]
-    result = np.empty((3, length), np.float32)
-    for h in range(3):
-        for start in range(0, length, _CHUNK):
-            part = core[h, :, start : start + _CHUNK].astype(np.float32)
-            result[h, start : start + _CHUNK] = weights[h] @ part
+def _planes(picture: Float32) -> Float32:
+    """The transpose, pixel by pixel to plane by plane: float32 [q, pixels]."""
+    result = np.empty(picture.shape[::-1], np.float32)
+
+    def work(start: int) -> None:
+        result[:, start : start + _STRIP] = picture[start : start + _STRIP].T
+
+    parallel_map(work, range(0, len(picture), _STRIP))
     return result
 
 
-def _members(packs: Sequence[Pack]) -> tuple[Int32, list[int]]:
-    """The rows of all packs in their order, and where each pack starts among them."""
-    counts = [len(pack.rows) for pack in packs]
-    starts = np.concatenate([[0], np.cumsum(counts)])[:-1]
-    return np.concatenate([pack.rows for pack in packs]), [int(start) for start in starts]
-
-
 def _check_memory(
-    basis: Basis,
-    alike: Sequence[list[Pack]],
-    targets: tuple[int, ...],
-    powers: int,
-    memory: int | None,
+    basis: Basis, targets: tuple[int, ...], powers: int, pixels: int, memory: int | None
 ) -> None:
-    """Refuse a freeze whose F would not fit."""
-    need = 0
-    for packs in alike:
-        if packs[0].object in targets:
-            need += min(_sizes(packs, powers))
-        else:
-            need += 12 * powers * sum(len(pack.rows) for pack in packs)
+    """Refuse a freeze whose V, made once by pixel and once by power, would not fit."""
+    need = 24 * powers * pixels
     limit = memory if memory is not None else _machine_memory() // 2
     if need > limit:
         names = ", ".join(basis.objects[target].id for target in targets)

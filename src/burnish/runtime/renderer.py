@@ -1,13 +1,13 @@
 """Frames from a frozen form: a matrix–vector product per part and channel.
 
 B = base + Σ_parts s(θo) · Σ_c Σ_n F[:, c, n] · coefficient_c · power_n (2008, eq. 28).
-A frame reads F once, so memory bandwidth is what it costs. Parts whose weights have not
-changed since the last frame are not read again.
+A frame reads F, or the blocks of a folded part, once, so memory bandwidth is what it costs.
+What has not changed since the last frame is not read again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,8 @@ from burnish.core.errors import InvalidValue
 from burnish.core.parallel import core_count, parallel_map
 from burnish.core.types import Float32, Float64
 from burnish.transport.basis import State
-from burnish.transport.frozen import Frozen, FrozenPart
+from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
+from burnish.transport.stack import contract
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,6 @@ class Renderer:
         self.frozen = frozen
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
         self._others = _join_others(frozen)
-        self._groups = _group_by_rows(frozen)
         self._known: dict[int, tuple[Float32, Float32]] = {}
 
     def image(self, state: State) -> Float32:
@@ -63,41 +63,52 @@ class Renderer:
         Materials of other objects are those that were frozen.
         """
         frozen = self.frozen
+        pixels = frozen.width * frozen.height
         numbers = _Numbers(frozen, state)
-        planes = self._base.copy()
-        if self._others is not None:
-            planes += self._others_light(self._others, numbers.powers.T)
-        for group in self._groups:
-            total = np.zeros((3, len(frozen.parts[group[0]].pixel)), np.float32)
-            for k in group:
-                part = frozen.parts[k]
-                light = self._part_light(k, part, numbers.weights(part))
-                factor = numbers.outgoing(part)
-                total += light if factor is None else light * factor.T.astype(np.float32)
-            pixel = frozen.parts[group[0]].pixel
+        # One entry more than there are pixels, for what expansions pad with
+        picture = np.empty((pixels + 1, 3), np.float32)
+        picture[pixels] = 0
+        self._fill(picture[:pixels], numbers.powers)
+        folded = [part for part in frozen.parts if isinstance(part, FoldedPart)]
+        cells = contract([part.stack for part in folded], [numbers.own(part) for part in folded])
+        for part, found in zip(folded, cells, strict=True):
+            factor = numbers.outgoing(part)
+            narrow = None if factor is None else _narrow(factor)
+            latent = _latent(part, found, numbers.powers)
+            part.stack.expansion.add(latent, picture, part.stack.places(pixels), narrow)
+        for k, item in enumerate(frozen.parts):
+            if isinstance(item, FoldedPart) or item.slice is None:
+                continue
+            light = self._part_light(k, item, numbers.weights(item))
+            factor = numbers.outgoing(item)
+            picture[item.pixel] += light.T if factor is None else light.T * _narrow(factor)
+        return picture[:pixels].reshape(frozen.height, frozen.width, 3)
+
+    def _fill(self, picture: Float32, powers: Float64) -> None:
+        """The base and what rows that first meet no target add, into float32 [pixels, 3]."""
+        base, others = self._base, self._others
+        weights = powers.T.astype(np.float32)
+        step = -(-len(picture) // (2 * core_count()))
+
+        def work(start: int) -> None:
+            span = slice(start, start + step)
             for h in range(3):
-                planes[h, pixel] += total[h]
-        image = np.empty((planes.shape[1], 3), np.float32)
-        for h in range(3):
-            image[:, h] = planes[h]
-        return image.reshape(frozen.height, frozen.width, 3)
+                if others is None:
+                    picture[span, h] = base[h, span]
+                else:
+                    np.add(weights[h] @ others[h, :, span], base[h, span], out=picture[span, h])
+
+        parallel_map(work, range(0, len(picture), step))
 
     def _part_light(self, key: int, part: FrozenPart, weights: Float64) -> Float32:
-        """What a part adds to its rows: float32 [3, r], outgoing factor left out."""
-        return self._remembered(key, weights, lambda narrow: _light(part, narrow))
+        """What a part adds to its rows: float32 [3, r], outgoing factor left out.
 
-    def _others_light(self, others: Float32, weights: Float64) -> Float32:
-        """What rows that first meet no target add: float32 [3, pixels]."""
-        return self._remembered(-1, weights, lambda narrow: _sums(others, narrow))
-
-    def _remembered(
-        self, key: int, weights: Float64, compute: Callable[[Float32], Float32]
-    ) -> Float32:
-        """The last result for a key, computed anew when its weights have changed."""
+        The last result, where its weights have not changed.
+        """
         narrow = weights.astype(np.float32)
         known = self._known.get(key)
         if known is None or not np.array_equal(known[0], narrow):
-            known = self._known[key] = narrow, compute(narrow)
+            known = self._known[key] = narrow, _light(part, narrow)
         return known[1]
 
     def gradient(self, state: State, image_gradient: Float32) -> Gradient:
@@ -121,6 +132,16 @@ class Renderer:
             upstream = planes[:, part.pixel]
             factor = numbers.outgoing(part)
             scaled = upstream if factor is None else upstream * factor.T.astype(np.float32)
+            if isinstance(part, FoldedPart):
+                own, through, light = _back(part, numbers, scaled)
+                key = part.object, part.indirect
+                if key not in columns:
+                    columns[key] = np.zeros_like(numbers.columns(*key))
+                columns[key][part.slice.start : part.slice.stop] += own
+                powers += through
+                if factor is not None:
+                    outgoing[(*key, part.slice.start)] = (upstream * light).T.astype(np.float64)
+                continue
             if part.expansion is not None:
                 scaled = part.expansion.back(scaled)
             back = np.stack(parallel_map(np.matmul, scaled, part.F)).astype(np.float64)
@@ -147,29 +168,20 @@ def _join_others(frozen: Frozen) -> Float32 | None:
 
     The powers come before the pixels, which makes the few long sums of a frame fast.
     """
-    others = [part for part in frozen.parts if part.slice is None]
+    others = [
+        part for part in frozen.parts if not isinstance(part, FoldedPart) and part.slice is None
+    ]
     if not others:
         return None
+    if len(others) == 1 and others[0].object < 0:
+        # Of every pixel, and a freeze lays it out like this
+        return np.ascontiguousarray(others[0].F.transpose(0, 2, 1))
     result = np.zeros((3, len(frozen.powers.exponents), len(frozen.base)), np.float32)
     for part in others:
         for h in range(3):
             for n in range(result.shape[1]):
                 result[h, n, part.pixel] += part.F[h, :, n]
     return result
-
-
-def _group_by_rows(frozen: Frozen) -> list[list[int]]:
-    """Parts of the targets, those of the same rows together: their slices."""
-    groups: list[list[int]] = []
-    for k, part in enumerate(frozen.parts):
-        if part.slice is None:
-            continue
-        first = frozen.parts[groups[-1][0]] if groups else None
-        if first is not None and np.array_equal(first.pixel, part.pixel):
-            groups[-1].append(k)
-        else:
-            groups.append([k])
-    return groups
 
 
 class _Numbers:
@@ -186,20 +198,53 @@ class _Numbers:
             self._columns[key] = self.frozen.basis.column_coefficients(index, self.state, indirect)
         return self._columns[key]
 
+    def own(self, part: FrozenPart | FoldedPart) -> Float64:
+        """Coefficients of the columns of a target's part: float64 [c, 3]."""
+        assert part.slice is not None
+        coefficients = self.columns(part.object, part.indirect)
+        return coefficients[part.slice.start : part.slice.stop]
+
     def weights(self, part: FrozenPart) -> Float64:
         """What F's last axis meets: float64 [3, columns · powers], or [3, powers]."""
         if part.slice is None:
             return self.powers.T
-        coefficients = self.columns(part.object, part.indirect)
-        own = coefficients[part.slice.start : part.slice.stop]
-        return np.asarray(np.einsum("ch,nh->hcn", own, self.powers).reshape(3, -1))
+        return np.asarray(np.einsum("ch,nh->hcn", self.own(part), self.powers).reshape(3, -1))
 
-    def outgoing(self, part: FrozenPart) -> Float64 | None:
+    def outgoing(self, part: FrozenPart | FoldedPart) -> Float64 | None:
         """s(θo) of a part's rows: float64 [r, 3 or 1], or None for 1."""
         if part.slice is None or part.indirect:
             return None
         cosines = part.cos_theta_o.astype(np.float64)
         return self.frozen.basis.outgoing_factor(part.object, self.state, part.slice, cosines)
+
+
+def _latent(part: FoldedPart, found: tuple[list[Float32], Float32], powers: Float64) -> Float32:
+    """A folded part's light in its row directions: float32 [3, directions]."""
+    cells, peak = found
+    tails = part.tails_under(powers) * peak[:, None]
+    return part.stack.fold(cells, tails[:, None])[:, 0]
+
+
+def _back(
+    part: FoldedPart, numbers: _Numbers, upstream: Float32
+) -> tuple[Float64, Float64, Float32]:
+    """A folded part's dL/dcoefficient [c, 3] and dL/dpower [powers, 3], and its light [3, r].
+
+    upstream: dL/dlight of its rows, outgoing factor left out: float32 [3, r].
+    """
+    stack = part.stack
+    received = stack.expansion.back(upstream)
+    (found,) = contract([stack], [numbers.own(part)])
+    cells, peak = found
+    own = stack.back(stack.unfold(received, part.tails_under(numbers.powers)))
+    tails = (stack.collect(cells, received) * peak[:, None]) @ stack.S
+    through = np.einsum("hz,znh->nh", tails.astype(np.float64), part.factors)
+    return own, through, stack.expansion.expand(_latent(part, found, numbers.powers))
+
+
+def _narrow(factor: Float64) -> Float32:
+    """s(θo) in single precision: float32 [r, 3]."""
+    return np.broadcast_to(factor, (len(factor), 3)).astype(np.float32)
 
 
 def _light(part: FrozenPart, weights: Float32) -> Float32:
@@ -218,21 +263,6 @@ def _products(F: Float32, weights: Float32) -> Float32:
     step = -(-rows // (4 * core_count()))
     pieces = [(h, slice(r, r + step)) for h in range(3) for r in range(0, rows, step)]
     parallel_map(lambda at: np.matmul(F[at], weights[at[0]], out=result[at]), pieces)
-    return result
-
-
-def _sums(V: Float32, weights: Float32) -> Float32:
-    """Σ_n weights[h, n] V[h, n, pixel]: float32 [3, pixels], pixels shared out over the cores."""
-    pixels = V.shape[2]
-    result = np.empty((3, pixels), np.float32)
-    step = -(-pixels // (2 * core_count()))
-    pieces = [(h, slice(p, p + step)) for h in range(3) for p in range(0, pixels, step)]
-
-    def work(at: tuple[int, slice]) -> None:
-        h, span = at
-        np.matmul(weights[h], V[h, :, span], out=result[h, span])
-
-    parallel_map(work, pieces)
     return result
 
 

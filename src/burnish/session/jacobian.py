@@ -63,7 +63,7 @@ class PictureModel:
         self.pixels = np.arange(count) if pixels is None else pixels
         self._shown: tuple[Float64, Float32] | None = None
         self._base = frozen.base[self.pixels].astype(np.float32)
-        parts = [_restricted(part, self.pixels, count) for part in frozen.parts]
+        parts = [_restricted(part.dense(), self.pixels, count) for part in frozen.parts]
         self._parts = [part for part in _joined(parts, len(self.pixels)) if len(part.pixel)]
         self._keys = sorted(
             {(part.object, part.indirect) for part in self._parts if part.slice is not None}

@@ -19,6 +19,7 @@ from burnish.store.writer import read_header
 from burnish.transport.basis import Basis
 from burnish.transport.pack import Pack, TiledBlocks, join
 from burnish.transport.rows import Rows
+from burnish.transport.stack import Stack
 
 
 class StoredView:
@@ -53,14 +54,25 @@ class StoredView:
 
     @cached_property
     def _content(self) -> TiledBlocks:
+        """The view with its blocks laid out in stacks, and not as packs as well."""
+        content = self._read()
+        content.stacks()
+        content.content = []
+        return content
+
+    def _read(self) -> TiledBlocks:
         tiles = parallel_map(
             read_tile, [self.folder / str(number) for number in range(len(self.header.tiles))]
         )
         return join(self.basis, self.width, self.height, tiles)
 
     def packs(self) -> Sequence[Pack]:
-        """All blocks. Raises BundleError where a tile is damaged."""
-        return self._content.packs()
+        """All blocks, read anew. Raises BundleError where a tile is damaged."""
+        return self._read().packs()
+
+    def stacks(self) -> Sequence[Stack]:
+        """All blocks, as freezing and frames read them. Raises BundleError."""
+        return self._content.stacks()
 
 
 @dataclass(frozen=True)

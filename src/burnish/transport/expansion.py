@@ -7,7 +7,7 @@ frame reads a, not r, rows of each square.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +70,36 @@ class Expansion:
     def back(self, light: Float32) -> Float32:
         """The transpose of `expand`: float32 [q, rows] to float32 [q, latent]."""
         return self._through(light, self.latent, forward=False)
+
+    def places(self, pixel: Int32, count: int) -> list[AnyArray]:
+        """For `add`: the pixel of every row of each group, of `count` pixels in all."""
+        known = np.append(pixel, np.int32(count))
+        return [known[group.rows] for group in self.groups]
+
+    def add(
+        self,
+        latent: Float32,
+        picture: Float32,
+        places: Sequence[AnyArray],
+        factor: Float32 | None = None,
+    ) -> None:
+        """Add what `expand` gives to the pixels of a picture.
+
+        latent: float32 [q, latent]. picture: float32 [pixels + 1, q]; its last entry is left
+        as it is. places: see `places`; a pixel has one row. factor: float32 [rows, q], or 1.
+        """
+        source = np.zeros((self.latent + 1, len(latent)), np.float32)
+        source[:-1] = latent.T
+        if factor is not None:
+            factor = np.concatenate([factor, np.zeros_like(factor[:1])])
+
+        def work(group: _Group, place: AnyArray) -> None:
+            light = np.matmul(group.U, source[group.latent])
+            if factor is not None:
+                light *= factor[group.rows]
+            picture[place] += light
+
+        parallel_map(work, self.groups, places)
 
     def of_rows(self, kept: AnyArray) -> Expansion:
         """The expansion to some rows alone, of rising indices; directions stay as they are."""

@@ -91,10 +91,10 @@ class FoldedPart:
     def of(stack: Stack, piece: ColumnSlice, factors: Float32) -> FoldedPart:
         """A stack with the factors of its tails."""
         z, n, _ = factors.shape
-        tails = stack.meet_tails(factors.transpose(0, 2, 1).reshape(z, 3 * n)) if 3 * n < z else None
-        return FoldedPart(
-            stack, piece, factors, None if tails is None else tails.reshape(3, n, -1)
+        tails = (
+            stack.meet_tails(factors.transpose(0, 2, 1).reshape(z, 3 * n)) if 3 * n < z else None
         )
+        return FoldedPart(stack, piece, factors, None if tails is None else tails.reshape(3, n, -1))
 
     def tails_under(self, powers: Float64) -> Float32:
         """The tail directions for powers [n, 3]: float32 [3, tail directions]."""
@@ -178,7 +178,8 @@ class Transport(Protocol):
     def height(self) -> int: ...
     @property
     def emission(self) -> Float32:
-        """Directly seen emission: float32 [height, width, 3], linear RGB."""
+        """Directly seen emission: float32 [height, width, 3], linear RGB; for each light group
+        [lights, height, width, 3] where the basis tells them apart."""
         ...
 
     @property
