@@ -52,7 +52,13 @@ def compare_with_truth(
 
     name = view or next(iter(session.views))
     # A session of its own, which has frozen nothing yet
-    fresh = Session(session.views, session.objects, name=session.name)
+    fresh = Session(
+        session.views,
+        session.objects,
+        name=session.name,
+        lights=session.lights,
+        light_pictures=session.light_mix.tracer,
+    )
     start = time.perf_counter()
     fresh.restore(session.state)
     image = fresh.frame(name)
@@ -65,7 +71,7 @@ def compare_with_truth(
     figures = metrics(
         image,
         truth.halves,
-        emission=session.views[name].emission,
+        emission=fresh.emission(name),
         reference_emission=truth.emission_halves,
     )
     numbers: dict[str, float] = {

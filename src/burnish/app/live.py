@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,9 +18,11 @@ import numpy as np
 
 from burnish.app import worker as w
 from burnish.core.errors import BurnishError, SceneError
-from burnish.core.types import Float32, Progress
+from burnish.core.types import Crop, Float32, Progress
+from burnish.materials.lights import LightGroup, each, without_lights
 from burnish.transport.basis import Basis, State, initial_state
 from burnish.transport.frozen import Frozen, FrozenPart
+from burnish.transport.lights import base_under
 from burnish.transport.rows import Rows
 
 if TYPE_CHECKING:
@@ -37,8 +39,8 @@ def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Sess
     """A session on a scene with no bake.
 
     source: a scene file, a Mitsuba dictionary or an example's name; options as
-    `burnish.load` takes them, and `series`. Close it with `session.close()`.
-    Raises what loading the scene raises.
+    `burnish.load` takes them, `series`, and `light_groups` as for a bake. Close it with
+    `session.close()`. Raises what loading the scene raises.
     """
     from burnish.session import ObjectInfo, Session
 
@@ -50,7 +52,9 @@ def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Sess
         ObjectInfo(name, name in materials, reason, layers.get(name, ()))
         for name, _, reason in opened.objects
     ]
-    session = Session(studio.views, objects, studio, opened.name)
+    session = Session(
+        studio.views, objects, studio, opened.name, each(opened.lights), light_pictures=studio
+    )
     session.denoiser = studio
     session.on_change(lambda: studio.follow(session.state))
     session.on_close(studio.close)
@@ -223,10 +227,11 @@ class LiveStudio:
     def follow(self, state: State) -> None:
         """Let the samples to come follow the current look."""
         if self._request is not None and self._request.targets:
-            self._send(w.Follow(dict(state)))
+            self._send(w.Follow(without_lights(state)))
 
     def select(self, targets: tuple[str, ...], state: State) -> None:
         """Ask for an estimate with these objects symbolic, unless it is the one that runs."""
+        state = without_lights(state)
         initial = initial_state(self.opened.basis.objects)
         edited = tuple(
             name for name in initial if name not in targets and state[name] != initial[name]
@@ -278,9 +283,11 @@ class LiveStudio:
         spp: int,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Float32:
         """The path tracer's picture, made by the worker: float32 [height, width, 3]."""
-        return self._picture(lambda job: w.Render(job, dict(state), view, spp, seed), progress)
+        asked = dict(state), view, spp, seed, crop
+        return self._picture(lambda job: w.Render(job, *asked), progress)
 
     @property
     def denoiser_missing(self) -> str:
@@ -290,6 +297,14 @@ class LiveStudio:
     def denoise(self, image: Float32, view: str) -> Float32:
         """A noisy picture of a view, cleaned by the worker: float32 [height, width, 3]."""
         return self._picture(lambda job: w.Denoise(job, view, image), None)
+
+    def light_pictures(
+        self, state: State, view: str, groups: Sequence[LightGroup], spp: int, seed: int
+    ) -> tuple[Float32, Float32]:
+        """What each light group adds to a view, traced by the worker; see `LightPictures`."""
+        asked = dict(state), view, tuple(groups), spp, seed
+        both = self._picture(lambda job: w.LightUp(job, *asked), None)
+        return both[0], both[1]
 
     def _picture(self, ask: Callable[[int], object], progress: Progress | None) -> Float32:
         """Ask the worker for a picture and wait for it. Raises SceneError in its words."""
@@ -322,14 +337,16 @@ class LiveView:
         self.samples = 0
         """Samples per pixel of what was last published."""
         self.revision = 0
+        apart = (len(basis.lights),) if basis.lights else ()
+        self._shape = (*apart, height, width, 3)
         self._mapped: w.Mapped | None = None
-        self._data: Float32 = np.zeros(6 * width * height, np.float32)
+        self._data: Float32 = np.zeros(2 * int(np.prod(self._shape)), np.float32)
 
     @property
     def emission(self) -> Float32:
-        """Directly seen emission: float32 [height, width, 3], linear RGB."""
-        pixels = self.width * self.height
-        return self._data[3 * pixels : 6 * pixels].reshape(self.height, self.width, 3)
+        """Directly seen emission: float32 [height, width, 3], or [lights, height, width, 3]."""
+        size = int(np.prod(self._shape))
+        return self._data[size : 2 * size].reshape(self._shape)
 
     def ready(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether `freeze` answers at once; begins what it would wait for.
@@ -349,16 +366,18 @@ class LiveView:
             self._studio.select(ids, state)
         self._studio.wait(self)
         with self._studio.lock:
-            mapped, data, pixels = self._mapped, self._data, self.width * self.height
+            mapped, data = self._mapped, self._data
             assert mapped is not None
+            light = data[: int(np.prod(self._shape))].reshape(self._shape)
+            base, first = base_under(mapped.basis, mapped.powers, light, state)
             return Frozen(
                 basis=mapped.basis,
                 targets=targets,
                 width=self.width,
                 height=self.height,
-                base=data[: 3 * pixels].reshape(-1, 3),
+                base=base,
                 powers=mapped.powers,
-                parts=[_part(part, data) for part in mapped.parts],
+                parts=[*first, *(_part(part, data) for part in mapped.parts)],
                 revision=self.revision,
             )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 
 from burnish.core.errors import InvalidValue, MissingFile
 from burnish.core.types import Float32, Progress
+from burnish.materials.lights import LightGroup, each
 from burnish.transport.basis import Basis, State
 from burnish.transport.frozen import Frozen
 from burnish.transport.rows import Rows
@@ -47,7 +49,9 @@ def session_for(bundle: Bundle) -> Session:
         )
         for item in bundle.header.objects
     ]
-    return Session(bundle.views, objects, BundleTruth(bundle), bundle.header.name)
+    truth = BundleTruth(bundle)
+    lights = each(bundle.header.lights)
+    return Session(bundle.views, objects, truth, bundle.header.name, lights, truth)
 
 
 def edits_for(scene: Scene) -> Session:
@@ -67,7 +71,7 @@ def edits_for(scene: Scene) -> Session:
         for item in scene.objects
     ]
     views = {view.name: UntracedView(basis, view.width, view.height) for view in scene.views}
-    return Session(views, objects, PathTracedTruth(scene), scene.name)
+    return Session(views, objects, PathTracedTruth(scene), scene.name, each(scene.lights))
 
 
 def scene_of(bundle: Bundle, source: str | Path | None = None) -> Scene:
@@ -131,7 +135,8 @@ class UntracedView:
 
 
 class BundleTruth:
-    """The `Truth` of a bundle: the path tracer on its scene, loaded when first asked.
+    """The `Truth` of a bundle and its `LightPictures`: path tracers on its scene, which is
+    loaded when first asked.
 
     bounces are the bundle's, so that what differs are bins, series and noise alone.
     """
@@ -161,3 +166,13 @@ class BundleTruth:
     ) -> Float32:
         """float32 [height, width, 3], linear RGB."""
         return self.tracer.render(state, view, spp, seed, progress)
+
+    def light_pictures(
+        self, state: State, view: str, groups: Sequence[LightGroup], spp: int, seed: int
+    ) -> tuple[Float32, Float32]:
+        """What each light group adds to a view; see `LightPictures`."""
+        scene = self.tracer.scene
+        from burnish.precompute.light_pictures import LightTracer
+
+        tracer = LightTracer(scene, scene.view(view), self._bundle.basis, state, groups)
+        return tracer.pictures(spp, seed)

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from burnish.core.errors import BurnishError
-from burnish.core.types import Float32
+from burnish.core.types import Crop, Float32
 from burnish.materials.layer import Replacement
+from burnish.materials.lights import Light, LightGroup
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
 from burnish.transport.rows import Rows
@@ -43,6 +44,7 @@ class Opened:
     objects: tuple[tuple[str, bool, str], ...]
     views: tuple[tuple[str, int, int], ...]
     rows: dict[str, Rows]
+    lights: tuple[Light, ...]
     warnings: tuple[str, ...]
     denoiser_missing: str
 
@@ -80,6 +82,7 @@ class Render:
     view: str
     spp: int
     seed: int
+    crop: Crop | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,18 @@ class Denoise:
     job: int
     view: str
     image: Float32
+
+
+@dataclass(frozen=True)
+class LightUp:
+    """Trace what each light group adds to a view with these materials."""
+
+    job: int
+    state: State
+    view: str
+    groups: tuple[LightGroup, ...]
+    spp: int
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -106,7 +121,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Mapped:
-    """A view's estimate has a file. The base image comes first in it, then emission, then F.
+    """A view's estimate has a file. The base image comes first in it, then emission, then F;
+    base and emission by light group, where the basis has them.
 
     basis: the session's with the models and bins that F is counted in.
     """
@@ -131,7 +147,7 @@ class Published:
 
 @dataclass(frozen=True)
 class Pictured:
-    """A reference or a cleaned picture is done; error says why not."""
+    """A reference, a cleaned picture or the lights' are done; error says why not."""
 
     job: int
     image: Float32 | None
@@ -154,6 +170,16 @@ class Failed:
     text: str
     serial: int = 0
     lasting: bool = False
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """What was published last of a view: its samples, and when the next may follow, by the
+    clock on the wall and by the processors' time."""
+
+    samples: int = 0
+    next: float = 0.0
+    due: float = 0.0
 
 
 def main(pipe: Connection, source: Any, options: dict[str, Any], folder: str) -> None:
@@ -188,17 +214,19 @@ class _Worker:
 
         options = dict(options)
         editable, series = options.pop("editable", None), options.pop("series", (64, 1, 1, 1))
+        light_groups = options.pop("light_groups", None) or ()
         self.pipe, self.folder = pipe, folder
         self.scene = load(source, editable, **options)
-        self.basis = basis_for(self.scene, None, series)
+        self.basis = basis_for(self.scene, None, series, light_groups=light_groups)
         self.estimates: dict[str, Any] = {}
         self.files: dict[str, tuple[Float32, list[Float32]]] = {}
-        self.published: dict[str, tuple[int, float]] = {}
+        self.published: dict[str, _Sent] = {}
         self.models: Models = {}
         self.serial = 0
         self.paused = False
         self.truth: Any = None
         self.denoisers: dict[str, Any] = {}
+        self.lights: tuple[Any, Any] | None = None
         scene = self.scene
         pipe.send(
             Opened(
@@ -207,6 +235,7 @@ class _Worker:
                 tuple((item.id, item.editable, item.reason) for item in scene.objects),
                 tuple((view.name, view.width, view.height) for view in scene.views),
                 {view.name: first_rows(scene, view, self.basis) for view in scene.views},
+                tuple(Light(light.name, light.kind) for light in scene.lights),
                 tuple(scene.warnings),
                 "" if available() else "Needs Open Image Denoise: pip install pyoidn",
             )
@@ -249,6 +278,8 @@ class _Worker:
             self.paused = message.paused
         elif isinstance(message, Render):
             self._picture(message.job, lambda: self._rendered(message))
+        elif isinstance(message, LightUp):
+            self._picture(message.job, lambda: self._lit(message))
         elif isinstance(message, Denoise):
             self._picture(message.job, lambda: self._denoised(message))
 
@@ -279,7 +310,7 @@ class _Worker:
     def _map(self, view: str, estimate: Any) -> None:
         """Make the view's file and say what lies where in it."""
         pixels = estimate.view.width * estimate.view.height
-        offset, parts = 6 * pixels, []
+        offset, parts = 6 * pixels * max(len(self.basis.lights), 1), []
         for part in estimate.parts():
             parts.append(
                 Part(
@@ -330,22 +361,23 @@ class _Worker:
         estimate.step()
         # Kernels only queue up by themselves, and a message would wait for the whole queue
         dr.sync_thread()
-        samples, when = self.published.get(view, (0, 0.0))
+        sent = self.published.get(view, _Sent())
         # At once while there is little to see, then once a second
-        if samples < 16 or time.monotonic() - when >= PUBLISH_SECONDS:
+        if sent.samples < 16 or (time.monotonic() >= sent.next and time.process_time() >= sent.due):
             self._publish(view, estimate)
 
     def _publish(self, view: str, estimate: Any) -> None:
         data, arrays = self.files[view]
-        start = time.monotonic()
+        start = time.process_time()
         fixed, emission = estimate.base()
-        pixels = estimate.view.width * estimate.view.height
-        data[: 3 * pixels] = (fixed + emission).ravel()
-        data[3 * pixels : 6 * pixels] = emission.ravel()
+        data[: fixed.size] = (fixed + emission).ravel()
+        data[fixed.size : 2 * fixed.size] = emission.ravel()
         estimate.write(arrays)
-        # Publishing may take a tenth of the time at most
-        spent = time.monotonic() - start
-        self.published[view] = estimate.samples, time.monotonic() + max(9 * spent - 1.0, 0.0)
+        # Publishing may take a tenth of our processors' time at most; the clock on the wall
+        # goes on while others have them
+        now = time.process_time()
+        due = now + 9 * (now - start)
+        self.published[view] = _Sent(estimate.samples, time.monotonic() + PUBLISH_SECONDS, due)
         self.pipe.send(Published(self.serial, view, estimate.samples))
 
     def _picture(self, job: int, make: Callable[[], Float32]) -> None:
@@ -368,8 +400,22 @@ class _Worker:
             self.pipe.send(Progressed(message.job, fraction, what))
 
         image: Float32 = self.truth.render(
-            message.state, message.view, message.spp, message.seed, progress
+            message.state, message.view, message.spp, message.seed, progress, message.crop
         )
+        return image
+
+    def _lit(self, message: LightUp) -> Float32:
+        """Both pictures of `LightTracer`: float32 [2, groups, height, width, 3]."""
+        from burnish.precompute.light_pictures import LightTracer
+
+        asked = message.view, message.state, message.groups
+        if self.lights is None or self.lights[0] != asked:
+            scene, basis = _remodelled(self.scene, self.basis, message.state)
+            tracer = LightTracer(
+                scene, scene.view(message.view), basis, message.state, message.groups
+            )
+            self.lights = asked, tracer
+        image: Float32 = np.stack(self.lights[1].pictures(message.spp, message.seed))
         return image
 
     def _denoised(self, message: Denoise) -> Float32:

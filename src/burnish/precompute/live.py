@@ -24,6 +24,7 @@ from burnish.precompute.tracer import Tracer
 from burnish.scene import Scene, View
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
+from burnish.transport.lights import of_each_light
 from burnish.transport.rows import Rows
 
 STORED_BYTES = 2 << 30
@@ -172,7 +173,8 @@ class LiveEstimate:
             coarse = np.concatenate([[-1], np.repeat(ids, len(exponents))]).astype(np.int32)
             none = np.zeros((1, exponents.shape[1]), np.int32)
             exponents = np.concatenate([none, np.tile(exponents, (len(ids), 1))])
-        return Powers(exponents.astype(np.int32), np.array(ours, np.int32), coarse)
+        powers = Powers(exponents.astype(np.int32), np.array(ours, np.int32), coarse)
+        return of_each_light(powers, len(self.basis.lights)) if self.basis.lights else powers
 
     def parts(self) -> list[LivePart]:
         """The parts of the frozen form, in the order of `values`."""
@@ -211,7 +213,8 @@ class LiveEstimate:
                     out[channel] = np.array(values, copy=False).reshape(count, width)
 
     def base(self) -> tuple[Float32, Float32]:
-        """Light that met nothing symbolic, and directly seen emission: [height, width, 3]."""
+        """Light that met nothing symbolic, and directly seen emission: [height, width, 3], or
+        [lights, height, width, 3]."""
         t = self.accumulator.target
         return self.accumulator.image(t.fixed), self.accumulator.image(t.emission)
 

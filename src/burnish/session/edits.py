@@ -10,15 +10,19 @@
       }
     }
 
-A layer's entry may have `parameters`, `curve` (see `Curve`), `enabled` and `weight`.
+A layer's entry may have `parameters`, `curve` and `outgoing_curve` (see `Curve`), `enabled`
+and `weight`; and, where it was given another model, `model`, as a bundle would store the
+layer, with the values that it `started` with and those `kept` for other layers.
 An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
 are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
+`lights` holds the mix by light or group: {"lamp": {"intensity": 2.0, "tint": [1, 0.9, 0.8]},
+"environment": {"on": false}}.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -26,6 +30,7 @@ from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import LayerState, Material, MaterialState, Replacement
+from burnish.materials.lights import LightGroup, LightState, parameter_names
 from burnish.materials.names import WEIGHT
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.registry import layer_from_json, layer_to_json
@@ -33,13 +38,18 @@ from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
 VERSION = 2
-"""Written where something is painted; other files stay version 1."""
+"""Written where something is painted or lights are mixed; other files stay version 1."""
 
 Json = dict[str, Any]
 _ENTRIES = ("model", "parameters", "curve", "outgoing_curve", "enabled", "weight")
 
 
-def edits_to_text(state: State, materials: Mapping[str, Material], scene: str) -> str:
+def edits_to_text(
+    state: State,
+    materials: Mapping[str, Material],
+    scene: str,
+    lights: Sequence[LightGroup] = (),
+) -> str:
     """The file's text for what `state` changed."""
     objects = {}
     for object_id, material in materials.items():
@@ -48,13 +58,21 @@ def edits_to_text(state: State, materials: Mapping[str, Material], scene: str) -
         if entry:
             objects[object_id] = entry
     painted = any(state[object_id].strokes for object_id in materials)
-    version = VERSION if painted else 1
+    mixed = {
+        group.name: _light_entry(state[group.key], group) for group in lights if group.key in state
+    }
+    version = VERSION if painted or mixed else 1
     data = {"format": FORMAT, "version": version, "scene": scene, "objects": objects}
+    if mixed:
+        data["lights"] = mixed
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
 def edits_from_text(
-    text: str, materials: Mapping[str, Material], where: str
+    text: str,
+    materials: Mapping[str, Material],
+    where: str,
+    lights: Sequence[LightGroup] = (),
 ) -> dict[str, MaterialState]:
     """The state that a file's text describes: the scene's own, with the edits made.
 
@@ -78,6 +96,34 @@ def edits_from_text(
             raise UnknownName("editable object", object_id, materials)
         field = f"{where}: {object_id}"
         state[object_id] = _edited(materials[object_id], _mapping(entry, field), field)
+    return state | _lights(data.get("lights", {}), lights, where)
+
+
+def _light_entry(light: MaterialState, group: LightGroup) -> Json:
+    assert isinstance(light, LightState)
+    return _plain(
+        {
+            name: light.get(name)
+            for name in parameter_names()
+            if light.get(name) != group.initial.get(name)
+        }
+    )
+
+
+def _lights(entries: object, lights: Sequence[LightGroup], where: str) -> dict[str, MaterialState]:
+    """What is set on lights. Raises InvalidValue, UnknownName."""
+    state: dict[str, MaterialState] = {}
+    groups = {group.name: group for group in lights}
+    for name, entry in _mapping(entries, f"{where}: lights").items():
+        if name not in groups:
+            raise UnknownName("light", name, groups)
+        light, key = groups[name].initial, groups[name].key
+        for parameter, value in _mapping(entry, f"{where}: {key}").items():
+            if parameter not in parameter_names():
+                raise UnknownName("light parameter", parameter, parameter_names())
+            light = light.set(parameter, value, f"{where}: {key}")
+        if light != groups[name].initial:
+            state[key] = light
     return state
 
 

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from burnish.core.types import Float32, Int32
+from burnish.materials.lights import mix
 from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.painted import PaintedRenderer, PaintedRows
@@ -40,6 +41,7 @@ class ViewPictures:
             cast(Transport, source) if hasattr(source, "freeze") else BakedTransport(source)
         )
         self._frozen: _Frozen | None = None
+        self._shown: State | None = None
         self._painted: PaintedRenderer | None = None
         self._surfaces: dict[int, Surface] = {}
         self._varied: dict[int, VariedObject] = {}
@@ -63,6 +65,9 @@ class ViewPictures:
 
         An object that the view does not meet itself counts as unpainted.
         """
+        if self._only_lights_change(targets, state):
+            targets = ()
+        self._shown = state
         frozen = self._freeze(targets, state)
         surfaces = {
             i: self.surface(i)
@@ -99,8 +104,25 @@ class ViewPictures:
         ready = getattr(self.transport, "ready", None)
         return ready is None or bool(ready(targets, state))
 
+    def _only_lights_change(self, targets: tuple[int, ...], state: State) -> bool:
+        """Whether the mix of the lights is what is being edited: then it alone is symbolic."""
+        basis, frozen, shown = self.transport.basis, self._frozen, self._shown
+        if not basis.lights or frozen is None or shown is None:
+            return False
+        if frozen.targets == targets and len(frozen.frozen.powers.lights):
+            return False
+        if any(shown[item.id] != state[item.id] for item in basis.objects):
+            return False
+        if any(state[item.id].strokes for item in basis.objects):
+            return False
+        return not self._holds(frozen, targets, state)
+
     def _holds(self, frozen: _Frozen, targets: tuple[int, ...], state: State) -> bool:
         if frozen.targets != targets or frozen.revision != self.transport.revision:
+            return False
+        basis = self.transport.basis
+        fixed = basis.lights and not len(frozen.frozen.powers.lights)
+        if fixed and (mix(basis.lights, frozen.state) != mix(basis.lights, state)).any():
             return False
         return all(
             frozen.state[item.id].replacements == state[item.id].replacements

@@ -25,20 +25,24 @@ from burnish.core.types import Float32, Float64, Int32, Progress, Value
 from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, Material, MaterialState
+from burnish.materials.lights import PREFIX, LightGroup, LightState, lights_in
+from burnish.materials.lights import resolve as resolve_light
 from burnish.materials.names import WEIGHT, resolve
 from burnish.materials.replacement import replaced
 from burnish.runtime.renderer import Renderer
 from burnish.session.brushes import Brush, BrushName, brushes
 from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
+from burnish.session.lightmix import LightMix
 from burnish.session.painting import BrushOptions, PaintStroke, paint_whole, painting
 from burnish.session.paths import resolve_layer
 from burnish.session.pictures import ViewPictures
 from burnish.session.surface import Surface
 from burnish.transport.basis import State, initial_state
 from burnish.transport.frozen import Transport
+from burnish.transport.lights import mixed
 from burnish.transport.pack import BlockSource
-from burnish.transport.protocols import Denoiser, Truth
+from burnish.transport.protocols import Denoiser, LightPictures, Truth
 
 _ALBEDO_SLACK = 1e-3
 
@@ -58,7 +62,8 @@ class Session:
 
     transports: one for each view, by name; stored blocks are frozen by `runtime.freeze`.
     objects: all objects of the scene (default: the editable ones). truth: a path tracer,
-    or None. name: shown to the user and written into edits files.
+    or None. name: shown to the user and written into edits files. lights: what can be mixed
+    where the transports tell no light groups apart, by what light_pictures traces.
 
     Not for use from several threads at once.
 
@@ -75,6 +80,8 @@ class Session:
         objects: Sequence[ObjectInfo] = (),
         truth: Truth | None = None,
         name: str = "",
+        lights: Sequence[LightGroup] = (),
+        light_pictures: LightPictures | None = None,
     ) -> None:
         if not transports:
             raise InvalidValue("a session needs at least one view; got none")
@@ -87,6 +94,8 @@ class Session:
         self._objects = tuple(objects) or tuple(
             ObjectInfo(item.id, layers=item.material.layers) for item in self._basis.objects
         )
+        self._lights = self._basis.lights or tuple(lights)
+        self.light_mix = LightMix(() if self._basis.lights else self._lights, light_pictures)
         self._history = History(initial_state(self._basis.objects))
         self._selected: tuple[str, ...] = ()
         self._warned: dict[str, tuple[MaterialState, list[str]]] = {}
@@ -102,13 +111,26 @@ class Session:
         return self._objects
 
     @property
+    def lights(self) -> tuple[LightGroup, ...]:
+        """The lights, or groups of them, that can be mixed: "light:NAME.intensity" and so on."""
+        return self._lights
+
+    def light(self, name: str) -> LightState:
+        """What is set on a light or group of lights. Raises UnknownName."""
+        for group in self._lights:
+            if group.name == name:
+                return self._light(group)
+        raise UnknownName("light", name, [group.name for group in self._lights])
+
+    @property
     def views(self) -> Mapping[str, Transport]:
         """The views by name; the first is the default."""
         return MappingProxyType({name: view.transport for name, view in self._pictures.items()})
 
     @property
     def state(self) -> State:
-        """The state of every editable object's material. States are values: keep them."""
+        """The state of every editable object's material, and of the lights that are not as the
+        scene has them, under "light:NAME". States are values: keep them."""
         return MappingProxyType(dict(self._history.state))
 
     @property
@@ -208,8 +230,12 @@ class Session:
     def get(self, path: str) -> Value:
         """A parameter's value, such as get("teapot.specular.roughness").
 
-        Paths are those of `materials.names`, OpenPBR's names among them. Raises UnknownName.
+        Paths are those of `materials.names`, OpenPBR's names among them, and of
+        `materials.lights`, such as "light:lamp.intensity". Raises UnknownName.
         """
+        if path.startswith(PREFIX):
+            light = resolve_light(self._lights, path)
+            return self._light(light.group).get(light.parameter)
         address = resolve(self._current(), path)
         return address.read(self._history.state[address.object])
 
@@ -218,6 +244,15 @@ class Session:
 
         Raises UnknownName with the nearest names, InvalidValue with the range.
         """
+        if path.startswith(PREFIX):
+            light = resolve_light(self._lights, path)
+            if isinstance(value, str) and value.startswith("#"):
+                value = colour_from_hex(value)
+            lit = self._light(light.group).set(light.parameter, value, light.group.key)
+            self._change_light(
+                light.group, lit, f"Set {path} to {_shown(lit.get(light.parameter))}"
+            )
+            return
         materials = self._current()
         address = resolve(materials, path)
         if isinstance(value, str) and value.startswith("#"):
@@ -356,7 +391,7 @@ class Session:
     # -- the scene's own --------------------------------------------------------------------
 
     def reset(self, path: str | None = None) -> None:
-        """Back to the scene's own: a parameter, a layer, an object, or everything (None).
+        """Back to the scene's own: a parameter, a layer, an object, a light, or everything (None).
 
         Raises UnknownName.
         """
@@ -364,6 +399,9 @@ class Session:
             self._record("Reset everything", initial_state(self._basis.objects))
             return
         label = f"Reset {path}"
+        if path.startswith(PREFIX):
+            self._reset_light(path, label)
+            return
         if path in self._materials:
             self._change(path, self._materials[path].initial, label)
             return
@@ -382,12 +420,19 @@ class Session:
         self._change_layer(path, label, **{name: getattr(initial, name) for name in vars(initial)})
 
     def restore(self, state: State, label: str = "Restored a state") -> None:
-        """Make a kept `state` the present one, as one step. Raises UnknownName, InvalidValue."""
+        """Make a kept `state` the present one, as one step. Raises UnknownName, InvalidValue.
+
+        Lights that it does not name are as the scene has them.
+        """
         for object_id in self._materials:
             if object_id not in state:
                 raise UnknownName("object", object_id, state)
         self._check_models(state)
-        self._record(label, {object_id: state[object_id] for object_id in self._materials})
+        lights = lights_in(state)
+        for key in lights:
+            if key not in [group.key for group in self._lights]:
+                raise UnknownName("light", key, [group.key for group in self._lights])
+        self._record(label, {name: state[name] for name in self._materials} | lights)
 
     def gesture(self) -> AbstractContextManager[None]:
         """Everything inside is one step of undo, such as the drag of a slider.
@@ -415,7 +460,16 @@ class Session:
         selection, another object's material or the transport have changed. Raises
         UnknownName, TooLarge.
         """
-        return self._view(view).image(self._targets(), self._history.state)
+        shown, state = self._view(view), self._history.state
+        return self.light_mix.applied(shown.name, shown.image(self._targets(), state), state)
+
+    def emission(self, view: str | None = None) -> Float32:
+        """What of the picture is directly seen emission: float32 [height, width, 3]."""
+        shown, state = self._view(view), self._history.state
+        seen = shown.transport.emission
+        if self._basis.lights:
+            return mixed(self._basis, seen, state)
+        return self.light_mix.applied(shown.name, seen, state, emission=True)
 
     def ready(self, view: str | None = None) -> bool:
         """Whether `frame` answers at once.
@@ -423,7 +477,8 @@ class Session:
         Where it does not, a live session begins to trace what is missing: ask again. Raises
         UnknownName, SceneError when that has failed.
         """
-        return self._view(view).ready(self._targets(), self._history.state)
+        shown, state = self._view(view), self._history.state
+        return shown.ready(self._targets(), state) and self.light_mix.ready(shown.name, state)
 
     def renderer(self, view: str | None = None) -> Renderer:
         """The renderer of the present selection, for gradients."""
@@ -495,14 +550,14 @@ class Session:
 
     def edits_text(self) -> str:
         """The edits as the text of their file (see `session.edits`)."""
-        return edits_to_text(self._history.state, self._materials, self.name)
+        return edits_to_text(self._history.state, self._materials, self.name, self._lights)
 
     def load_text(self, text: str, where: str = "edits") -> None:
         """Replace all edits by those of a file's text, as one step.
 
         Raises InvalidValue, UnknownName, and then changes nothing.
         """
-        state = edits_from_text(text, self._materials, where)
+        state = edits_from_text(text, self._materials, where, self._lights)
         self._check_models(state)
         self._record(f"Loaded {where}", state)
 
@@ -574,6 +629,25 @@ class Session:
                 raise InvalidValue(f"object {object_id} cannot be edited: {reason}")
         raise UnknownName("object", object_id, self._materials)
 
+    def _light(self, group: LightGroup) -> LightState:
+        return lights_in(self._history.state).get(group.key, group.initial)
+
+    def _change_light(self, group: LightGroup, light: LightState, label: str) -> None:
+        """Lights that are as the scene has them are left out of the state."""
+        state = {key: item for key, item in self._history.state.items() if key != group.key}
+        self._record(label, state if light == group.initial else state | {group.key: light})
+
+    def _reset_light(self, path: str, label: str) -> None:
+        """Back to the scene's own: a light, or one of its parameters. Raises UnknownName."""
+        for group in self._lights:
+            if path == group.key:
+                self._change_light(group, group.initial, label)
+                return
+        light = resolve_light(self._lights, path)
+        group, name = light.group, light.parameter
+        original = self._light(group).set(name, group.initial.get(name), path)
+        self._change_light(group, original, label)
+
     def _change_layer(self, path: str, label: str, **changes: Any) -> None:
         object_id, name = resolve_layer(self._materials, path)
         state = self._history.state[object_id]
@@ -622,4 +696,6 @@ def _material_warnings(object_id: str, material: Material, state: MaterialState)
 def _shown(value: Value) -> str:
     if isinstance(value, tuple):
         return "(" + ", ".join(f"{item:.4g}" for item in value) + ")"
+    if isinstance(value, bool):
+        return "on" if value else "off"
     return value if isinstance(value, str) else f"{value:.4g}"

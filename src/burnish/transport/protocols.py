@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from burnish.core.types import Float32, Progress
+from burnish.materials.lights import LightGroup
 from burnish.transport.basis import State
 
 
@@ -33,6 +35,16 @@ class Denoiser(Protocol):
 
     def denoise(self, image: Float32, view: str) -> Float32:
         """float32 [height, width, 3], linear RGB."""
+        ...
+
+
+class LightPictures(Protocol):
+    """What each light adds to a picture, path-traced."""
+
+    def light_pictures(
+        self, state: State, view: str, groups: Sequence[LightGroup], spp: int, seed: int
+    ) -> tuple[Float32, Float32]:
+        """All of it, and directly seen emission alone: float32 [groups, height, width, 3]."""
         ...
 
 
