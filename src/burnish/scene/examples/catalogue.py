@@ -8,7 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from burnish.core.errors import UnknownName
-from burnish.scene.examples import cornell_box, ring, sphere, teatray
+from burnish.scene.examples import (
+    cornell_box,
+    earrings,
+    interior,
+    ring,
+    room,
+    sphere,
+    still_life,
+    tableau,
+    teatray,
+    vase,
+)
 from burnish.scene.objects import SceneObject
 
 Finish = Callable[[SceneObject], SceneObject]
@@ -61,5 +72,41 @@ EXAMPLES: tuple[Example, ...] = (
         "One glossy sphere on a checkered floor between softboxes",
         sphere.describe,
         sphere.FINISH,
+    ),
+    Example(
+        "vase",
+        "Tulips in a glazed vase on a wooden table",
+        vase.describe,
+        vase.FINISH,
+    ),
+    Example(
+        "tableau",
+        "A porcelain rabbit and a jade dragon on polished marble",
+        tableau.describe,
+        tableau.FINISH,
+    ),
+    Example(
+        "earrings",
+        "Pearl earrings on a velvet cloth that drapes over a pedestal",
+        earrings.describe,
+        earrings.FINISH,
+    ),
+    Example(
+        "still-life",
+        "A ball, a bottle and a bowl of fruits on a lacquered table",
+        still_life.describe,
+        still_life.FINISH,
+    ),
+    Example(
+        "interior",
+        "A window with curtains over a tiled floor, and an armchair in its light",
+        interior.describe,
+        interior.FINISH,
+    ),
+    Example(
+        "room",
+        "A couch and stairs over parquet, in light that comes through windows alone",
+        room.describe,
+        room.FINISH,
     ),
 )

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from burnish.core.types import RGB, Float64
 
+_ROWS = 4
+"""Rows of a map that are made at a time, so that they stay in the cache."""
+
 
 @dataclass(frozen=True)
 class Panel:
@@ -151,11 +154,11 @@ def write_environment(room: Room, path: Path, width: int = 768) -> str:
     theta = (np.arange(height * fine) + 0.5) / (height * fine) * np.pi
     phi = (np.arange(width * fine) + 0.5) / (width * fine) * 2 * np.pi
     image = np.empty((height, width, 3), np.float32)
-    for row in range(height):
-        t = theta[row * fine : (row + 1) * fine, None]
+    for row in range(0, height, _ROWS):
+        t = theta[row * fine : (row + _ROWS) * fine, None]
         x, y, z = np.sin(t) * np.sin(phi), np.sin(t) * np.cos(phi), np.cos(t) + 0 * phi
         colour = room.radiance(np.stack([x, y, z], -1).reshape(-1, 3))
-        image[row] = colour.reshape(fine, width, fine, 3).mean(axis=(0, 2))
+        image[row : row + _ROWS] = colour.reshape(-1, fine, width, fine, 3).mean(axis=(1, 3))
     mi.Bitmap(image).write(str(path))
     return str(path)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,17 @@ class Mesh:
     normals: Float64
     uv: Float64
     faces: NDArray[np.int32]
+
+    def moved(self, offset: Point | Float64 = (0.0, 0.0, 0.0), turn: Float64 | None = None) -> Mesh:
+        """The mesh turned by a rotation matrix [3, 3] about the origin, then shifted."""
+        turn = np.eye(3) if turn is None else turn
+        return replace(
+            self, positions=self.positions @ turn.T + offset, normals=self.normals @ turn.T
+        )
+
+    def mapped(self, uv: Float64) -> Mesh:
+        """The mesh with other texture coordinates: [v, 2]."""
+        return replace(self, uv=np.ascontiguousarray(uv, np.float64))
 
     def write(self, path: Path) -> str:
         """Write a binary PLY file; returns its path as text."""
@@ -87,13 +98,24 @@ def swept(path: Float64, sides: Float64, ups: Float64, section: Float64) -> Mesh
     uv: along the section and along the path, 0 to 1.
     """
     ring = section[None, :, :1] * sides[:, None] + section[None, :, 1:] * ups[:, None]
-    positions = path[:, None] + ring
-    along_path, along_section = _tangents(positions, 0), _tangents(positions, 1)
-    normals = np.cross(along_section, along_path)
+    return lofted(path[:, None] + ring)
+
+
+def lofted(positions: Float64) -> Mesh:
+    """A smooth mesh over a grid of points [rows, columns, 3].
+
+    Its outside is where columns × rows points, the normals those of the grid; a first or last
+    row that shrinks to a point, as at a pole, gets one normal. uv: along the columns and the
+    rows, 0 to 1.
+    """
+    normals = np.cross(_tangents(positions, 1), _tangents(positions, 0))
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
-    u, v = np.linspace(0, 1, len(section)), np.linspace(0, 1, len(path))
-    uv = np.stack(np.broadcast_arrays(u[None], v[:, None]), -1)
-    return grid(positions, normals, uv)
+    for end, beside in ((0, 1), (-1, -2)):
+        if np.ptp(positions[end], axis=0).max() < 1e-9:
+            pole = normals[beside, :-1].sum(axis=0)
+            normals[end] = pole / np.linalg.norm(pole)
+    u, v = (np.linspace(0, 1, count) for count in positions.shape[1::-1])
+    return grid(positions, normals, np.stack(np.broadcast_arrays(u[None], v[:, None]), -1))
 
 
 def _tangents(positions: Float64, axis: int) -> Float64:
