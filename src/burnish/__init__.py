@@ -23,6 +23,7 @@ from burnish.core.version import __version__
 
 if TYPE_CHECKING:
     from burnish.app.comparison import Comparison
+    from burnish.app.export import Exported
     from burnish.core.types import Float32, Progress
     from burnish.materials.layer import Material
     from burnish.scene import Scene
@@ -36,9 +37,11 @@ __all__ = [
     "bake",
     "compare_with_truth",
     "edit",
+    "export",
     "fit",
     "fit_steps",
     "load",
+    "mitsuba_plugin",
     "open_bundle",
     "path_trace",
 ]
@@ -262,6 +265,47 @@ def path_trace(
     from burnish.reference.truth import PathTracedTruth
 
     return PathTracedTruth(scene, bounces).render(materials or {}, name, spp, seed, progress)
+
+
+def export(
+    scene: Scene,
+    path: str | Path,
+    materials: State | None = None,
+    *,
+    format: str | None = None,
+    objects: Sequence[str] | None = None,
+    plugin: bool = False,
+) -> Exported:
+    """Write a scene, or its materials, in a format that renderers read.
+
+    path: .xml for Mitsuba 3, .mtlx for MaterialX (OpenPBR), .glb or .gltf, .binary for MERL;
+    format: "mitsuba", "materialx", "glb", "gltf" or "merl" where the suffix does not say it.
+    materials: a session's `materials`; the scene's own without it. objects: whose materials,
+    all that are editable without it. plugin: let Mitsuba XML name burnish's own BSDF (see
+    `burnish.mitsuba_plugin`) where no stock one holds a material. The result has the `files`
+    and, as `remarks`, what the format could not hold.
+
+    >>> burnish.export(scene, "look.xml", session.materials).remarks   # doctest: +SKIP
+
+    Raises UnknownName, InvalidValue, MissingFile, CannotWrite.
+    """
+    from burnish.app.export import export
+
+    return export(scene, path, materials, format=format, objects=objects, plugin=plugin)
+
+
+def mitsuba_plugin() -> None:
+    """Let the Mitsuba variant in use load the BSDF `burnish`, which exported scenes may name.
+
+    >>> mitsuba.set_variant("llvm_ad_rgb")                             # doctest: +SKIP
+    >>> burnish.mitsuba_plugin()                                       # doctest: +SKIP
+    >>> scene = mitsuba.load_file("look.xml")                          # doctest: +SKIP
+
+    Raises MissingRayTracer.
+    """
+    from burnish.reference import layered_class
+
+    layered_class()
 
 
 def compare_with_truth(

@@ -214,7 +214,7 @@ def test_the_plugin_is_registered_and_reads_json() -> None:
     state = edited(item.initial, "specular", exponent=90.0)
     bsdf = mi.load_dict(
         {
-            "type": "burnish_layered",
+            "type": "burnish",
             "material": json.dumps(material_to_json(item)),
             "state": json.dumps(state_to_json(state)),
             "two_sided": True,

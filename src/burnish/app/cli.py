@@ -1,4 +1,4 @@
-"""The command line: `burnish edit | bake | render | compare | info | examples`.
+"""The command line: `burnish edit | bake | render | compare | info | export | examples`.
 
 Commands read their options, call `burnish.app.commands` and print. Whatever a user can get
 wrong ends as one line on stderr and exit code 2; Ctrl+C ends with 130 and what was kept.
@@ -49,16 +49,22 @@ class Group(click.Group):
 def cli() -> None:
     """Edit materials in the finished scene, with every bounce of light answering.
 
-    SCENE is a Mitsuba 3 XML file or the name of an example; BUNDLE is what `bake` wrote.
+    SCENE is a Mitsuba 3 XML file, a glTF or GLB file, or the name of an example; BUNDLE is what
+    `bake` wrote.
     """
 
 
 def edit_options(command: Command) -> Command:
+    """The options that say which view is shown and which edits are made."""
+    view = click.option(
+        "--view", metavar="NAME", help="Which view of the scene (the first without it)."
+    )
+    return change_options(view(command))
+
+
+def change_options(command: Command) -> Command:
     """The options that say which edits are made."""
     for option in (
-        click.option(
-            "--view", metavar="NAME", help="Which view of the scene (the first without it)."
-        ),
         click.option(
             "--edits",
             metavar="FILE",
@@ -82,6 +88,7 @@ def edit_options(command: Command) -> Command:
 Examples:
   burnish edit teatray
   burnish edit scene.xml
+  burnish edit helmet.glb
   burnish edit box.burnish
   burnish edit box.burnish --edits look.json --no-browser --port 8000"""
 )
@@ -238,6 +245,48 @@ def info(**options: Any) -> None:
     from burnish.app import commands
 
     commands.info(**options)
+
+
+@cli.command(
+    epilog="""\b
+Examples:
+  burnish export box.burnish -o box.xml --edits look.json
+  burnish export scene.xml -o looks.mtlx --set teapot.specular.roughness=0.1
+  burnish export model.glb -o model2.glb --edits look.json
+  burnish export scene.xml -o teapot.binary --object teapot"""
+)
+@click.argument("source", metavar="SCENE|BUNDLE")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="OUT",
+    help="What to write: .xml (Mitsuba 3), .mtlx (MaterialX), .glb or .gltf, .binary (MERL).",
+)
+@change_options
+@click.option(
+    "--format",
+    "kind",
+    metavar="NAME",
+    help="mitsuba, materialx, glb, gltf or merl, where the suffix does not say it.",
+)
+@click.option(
+    "--object",
+    "objects",
+    metavar="A,B,…",
+    help="Whose materials are written (all that can be edited without it).",
+)
+@click.option(
+    "--plugin",
+    is_flag=True,
+    help="Mitsuba XML: name burnish's own BSDF where no stock one holds a material.",
+)
+@click.option("--scene", metavar="SCENE", help="Where the bundle's scene is now.")
+def export(**options: Any) -> None:
+    """Write the scene, or its materials, with edits, and say what the format cannot hold."""
+    from burnish.app import commands
+
+    commands.export(**options)
 
 
 @cli.command(

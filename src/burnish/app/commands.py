@@ -200,6 +200,39 @@ def info(source: str, as_json: bool) -> None:
     click.echo(json.dumps(said, indent=2) if as_json else "\n".join(describe_info(said)))
 
 
+def export(
+    source: str,
+    output: str,
+    edits: str | None,
+    assignments: Sequence[str],
+    kind: str | None,
+    objects: str | None,
+    plugin: bool,
+    scene: str | None,
+) -> None:
+    """`burnish export`."""
+    from burnish.app.export import format_of
+
+    kind = format_of(output, kind)
+    if opening.names_bundle(source):
+        bundle = opening.open_bundle(source)
+        session = opening.session_for(bundle)
+        make_edits(session, edits, assignments)
+        loaded = opening.scene_of(bundle, scene)
+    else:
+        loaded = burnish.load(source)
+        session = opening.edits_for(loaded)
+        make_edits(session, edits, assignments)
+    chosen = split_list(objects) or None
+    written = burnish.export(
+        loaded, output, session.materials, format=kind, objects=chosen, plugin=plugin
+    )
+    for remark in written.remarks:
+        click.echo(remark)
+    for file in written.files[:1] if kind != "merl" else written.files:
+        click.echo(str(file))
+
+
 def examples() -> None:
     """`burnish examples`."""
     from burnish.scene.examples import EXAMPLES

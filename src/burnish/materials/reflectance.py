@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,16 +64,31 @@ class Difference:
         )
 
 
-def sample_directions() -> tuple[Vector, Vector, Float64]:
+@lru_cache(maxsize=4)
+def sample_directions(turns: int = 1) -> tuple[Vector, Vector, Float64]:
     """ωi and ωo, components float64 [n], and weights float64 [n] that add to 1.
 
-    The quadrature of `components.grid`, for isotropic materials: dense about the highlight.
-    The weights hold cosθi cosθo and the solid angles of both directions.
+    The quadrature of `components.grid`: dense about the highlight. The weights hold
+    cosθi cosθo and the solid angles of both directions. turns: how many azimuths of the whole
+    pair, one after the other; 1 is enough for an isotropic material.
     """
     nodes = grid()
     used = nodes.weight > 0
-    wi, wo = (Vector(*(np.asarray(a)[used] for a in w)) for w in (nodes.wi, nodes.wo))
-    return wi, wo, nodes.weight[used]
+    weight = nodes.weight[used]
+    pairs: list[tuple[Vector, Vector]] = []
+    for turn in range(turns):
+        angle = 2 * np.pi * (turn + 0.5) / turns if turns > 1 else 0.0
+        cos, sin = np.cos(angle), np.sin(angle)
+        wi, wo = (
+            Vector(cos * w.x - sin * w.y, sin * w.x + cos * w.y, w.z)
+            for w in (Vector(*(a[used] for a in (n.x, n.y, n.z))) for n in (nodes.wi, nodes.wo))
+        )
+        pairs.append((wi, wo))
+    wi, wo = (
+        Vector(*(np.concatenate([pair[side][axis] for pair in pairs]) for axis in range(3)))
+        for side in range(2)
+    )
+    return wi, wo, np.tile(weight, turns) / turns
 
 
 def difference(true: Float64, other: Float64, weight: Float64) -> Difference:
@@ -87,3 +103,28 @@ def difference(true: Float64, other: Float64, weight: Float64) -> Difference:
     energy, change = (true * weight).sum(axis=1), ((other - true) * weight).sum(axis=1)
     scale = np.maximum(energy, 1e-3 * energy.max())
     return Difference(float(np.sqrt(off / square)), float(np.max(np.abs(change) / scale)))
+
+
+def asymmetry(material: Material, state: MaterialState) -> float:
+    """How far ρ changes when light and eye change places; 0 for a reciprocal material.
+
+    ∫∫ |ρ(ωi, ωo) − ρ(ωo, ωi)| / ∫∫ (ρ(ωi, ωo) + ρ(ωo, ωi)) / 2 over pairs of directions with
+    cosθi cosθo, channels together. Asked only of layers that may break it: those edited over
+    the angle of one direction, and those with a curve drawn over the viewing angle.
+    """
+    settled = material.linked(state)
+    if all(_reciprocal(layer, settled.layers[layer.name]) for layer in material.layers):
+        return 0.0
+    wi, wo, weight = sample_directions()
+    some = slice(None, None, 7)
+    wi, wo = (Vector(*(axis[some] for axis in (w.x, w.y, w.z))) for w in (wi, wo))
+    there, back = reflectance(material, state, wi, wo), reflectance(material, state, wo, wi)
+    both = float(np.sum((there + back) * weight[some])) / 2
+    return float(np.sum(np.abs(there - back) * weight[some])) / both if both > 0 else 0.0
+
+
+def _reciprocal(layer: Layer, state: LayerState) -> bool:
+    if not state.enabled or state.weight == 0:
+        return True
+    one_sided = layer.model.coordinate_name in ("theta_in", "theta_out")
+    return state.outgoing_curve is None and not one_sided

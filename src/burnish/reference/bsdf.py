@@ -5,17 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from burnish.core.errors import InvalidValue, MissingFile
 from burnish.materials.layer import Material, MaterialState
 from burnish.reference.reflectance import Reflectance, TrueReflectance
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import SceneObject
 
-PLUGIN = "burnish_layered"
+PLUGIN = "burnish"
+MATERIAL_FORMAT = "burnish-material"
+MATERIAL_VERSION = 1
 
 
 def layered_bsdf(
@@ -49,10 +53,12 @@ def wrapped(item: SceneObject, make: Callable[[bool], Any]) -> Any:
 
 
 def layered_class() -> Any:
-    """`LayeredBSDF` of the variant in use, registered as the plugin `burnish_layered`.
+    """`LayeredBSDF` of the variant in use, registered as the plugin `burnish`.
 
-    From a scene file the plugin takes the strings `material` and `state`, the JSON of
-    `burnish.materials.registry`, and the boolean `two_sided`.
+    From a scene file the plugin takes the string `filename`, a JSON file with "format",
+    "version", "material" and "state" (see `burnish.materials.registry`), or the strings
+    `material` and `state` themselves; the boolean `two_sided`; and for each group of layers
+    with a weight map the texture `map_GROUP`.
     """
     return _layered_class(mi.variant())
 
@@ -152,6 +158,36 @@ def _layered_class(variant: str) -> Any:
 def _from_properties(props: Any) -> tuple[Reflectance, bool]:
     from burnish.materials.registry import material_from_json, state_from_json
 
-    material = material_from_json(json.loads(props["material"]))
-    state = state_from_json(json.loads(props["state"])) if "state" in props else material.initial
-    return TrueReflectance(material, state, {}), bool(props.get("two_sided", False))
+    data = _material_file(str(props["filename"])) if "filename" in props else {}
+    for name in ("material", "state"):
+        if name in props:
+            data[name] = json.loads(props[name])
+    if "material" not in data:
+        raise InvalidValue("the BSDF 'burnish' needs a filename or a material; give it one")
+    material = material_from_json(data["material"])
+    state = state_from_json(data["state"]) if "state" in data else material.initial
+    maps = {
+        name.removeprefix("map_"): WeightMap(props[name], None, ())
+        for name in props.keys()  # noqa: SIM118
+        if name.startswith("map_")
+    }
+    return TrueReflectance(material, state, maps), bool(props.get("two_sided", False))
+
+
+def _material_file(name: str) -> dict[str, Any]:
+    """What a material's JSON file holds. Raises MissingFile, InvalidValue."""
+    path = Path(str(mi.file_resolver().resolve(name)))
+    if not path.is_file():
+        raise MissingFile(f"no material file {name!r}; put it beside the scene")
+    try:
+        data = json.loads(path.read_text("utf-8"))
+    except ValueError as error:
+        raise InvalidValue(f"{path}: not JSON ({error}); export the material again") from None
+    if not isinstance(data, dict) or data.get("format") != MATERIAL_FORMAT:
+        raise InvalidValue(f'{path}: not a material ("format" must be "{MATERIAL_FORMAT}")')
+    if data.get("version") != MATERIAL_VERSION:
+        raise InvalidValue(
+            f"{path}: version must be {MATERIAL_VERSION}; got {data.get('version')!r}: install "
+            "a newer burnish"
+        )
+    return data

@@ -310,7 +310,7 @@ def _describe(
     if read.material is None:
         return replace(item, reason=read.reason)
     maps = {
-        group: WeightMap(mi.load_dict(texture), mi_scene, tuple(shapes))
+        group: WeightMap(mi.load_dict(dict(texture)), mi_scene, tuple(shapes), texture)
         for group, texture in read.maps.items()
     }
     return replace(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -19,11 +20,13 @@ class WeightMap:
     """H(x) ≥ 0 over an object's surface, linear RGB.
 
     texture: mi.Texture. scene: mi.Scene. shapes: its mi.Shape objects that carry the map.
+    description: the texture's dictionary, empty where it was ready-made.
     """
 
     texture: Any
     scene: Any
     shapes: tuple[Any, ...]
+    description: Mapping[str, Any] = field(default_factory=dict)
 
     def evaluate(self, si: Any, active: Any = True) -> Any:
         """H at surface interactions: mi.Color3f, clamped to be non-negative."""

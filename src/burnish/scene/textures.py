@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -108,6 +109,14 @@ def _register_product() -> None:
                 else:
                     value = nested.eval_1(si, active) if single else nested.eval(si, active)
                 result *= offset + scale * mi.Color3f(value)
+            return result
+
+        def mean(self) -> Any:
+            # Of the product of means: it only shapes how Mitsuba's plugins draw samples
+            result = mi.Float(1)
+            for nested, scale, offset, _ in self.factors:
+                constant = isinstance(nested, mi.ScalarColor3d)
+                result *= offset + scale * (dr.mean(nested) if constant else nested.mean())
             return result
 
         def is_spatially_varying(self) -> bool:

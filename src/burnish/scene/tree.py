@@ -136,7 +136,7 @@ class Tree:
             for name in props:
                 value = props[name]
                 digest.update(f"\n{name} ".encode())
-                if _names_file(name, value):
+                if names_file(name, value):
                     digest.update(hashlib.sha256(Path(value).read_bytes()).digest())
                 elif isinstance(value, mi.Object):
                     for key, item in mi.traverse(value):
@@ -230,7 +230,7 @@ class Tree:
         for index in range(len(self)):
             props = self.node(index).props
             for name in list(props):
-                if not _names_file(name, props[name]):
+                if not names_file(name, props[name]):
                     continue
                 given = str(props[name])
                 found = self._find(given, folder, index)
@@ -269,7 +269,8 @@ class UniqueNames:
         return candidate
 
 
-def _names_file(name: str, value: object) -> bool:
+def names_file(name: str, value: object) -> bool:
+    """Whether a property names a file."""
     return isinstance(value, str) and (name == "filename" or name.endswith("_filename"))
 
 
