@@ -7,36 +7,54 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from burnish.core.types import Float32
+from burnish.core.types import Float32, Int32
 from burnish.runtime.freeze import freeze
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import initial_state
-from burnish.transport.expansion import Expansion
+from burnish.transport.expansion import Expansion, blank, flattened
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
 from burnish.transport.pack import TiledBlocks
 from tests.runtime.worlds import basis_of, edited, random_world, shaded
 
+WIDTH, HEIGHT = 20, 16
 
-def directions(seed: int = 0) -> list[Float32]:
-    """U of blocks of many shapes, one above every padded size, one with no directions."""
+
+def directions(seed: int = 0) -> list[tuple[Float32, Int32]]:
+    """U of blocks of many shapes and the pixels of their rows, two in the same square."""
     rng = np.random.default_rng(seed)
-    shapes = [(64, 3), (64, 4), (1, 1), (7, 5), (80, 70), (64, 0), (64, 3)]
-    return [rng.standard_normal(shape).astype(np.float32) for shape in shapes]
+    blocks = []
+    for number, (r, a) in enumerate([(64, 3), (64, 4), (1, 1), (7, 5), (64, 70), (3, 0), (9, 3)]):
+        y, x = divmod(number % 6, 3)
+        columns = min(8, WIDTH - 8 * x)
+        places = rng.permutation(8 * columns)[:r]
+        pixel = (8 * y + places // columns) * WIDTH + 8 * x + places % columns
+        U = rng.standard_normal((len(pixel), a)).astype(np.float32)
+        blocks.append((U, pixel.astype(np.int32)))
+    return blocks
 
 
 def test_expansion_is_the_blocks_one_by_one() -> None:
     blocks = directions()
-    expansion = Expansion.of(blocks)
+    expansion = Expansion.of(blocks, WIDTH)
     rng = np.random.default_rng(1)
     latent = rng.standard_normal((3, expansion.latent)).astype(np.float32)
     light = rng.standard_normal((3, expansion.rows)).astype(np.float32)
-    cuts = [np.cumsum([U.shape[axis] for U in blocks])[:-1] for axis in (0, 1)]
+    cut = np.cumsum([U.shape[1] for U, _ in blocks])[:-1]
     expected = [
-        part @ U.T for part, U in zip(np.split(latent, cuts[1], axis=1), blocks, strict=True)
+        part @ U.T for part, (U, _) in zip(np.split(latent, cut, axis=1), blocks, strict=True)
     ]
     np.testing.assert_allclose(
         expansion.expand(latent), np.concatenate(expected, axis=1), rtol=1e-5, atol=1e-5
     )
+    # The same in a picture, with a factor of each row
+    factor = rng.random((expansion.rows, 3)).astype(np.float32)
+    squares = blank(WIDTH, HEIGHT, 3)
+    expansion.add(latent, squares, factor)
+    picture = np.zeros((HEIGHT * WIDTH, 3))
+    pixel = np.concatenate([own for _, own in blocks])
+    np.add.at(picture, pixel, np.concatenate(expected, axis=1).T * factor)
+    image = flattened(squares)[:HEIGHT, :WIDTH]
+    np.testing.assert_allclose(image.reshape(-1, 3), picture, rtol=1e-5, atol=1e-5)
     # Its transpose, by the inner product
     forward = float((expansion.expand(latent) * light).sum())
     assert forward == pytest.approx(float((latent * expansion.back(light)).sum()), rel=1e-4)

@@ -23,14 +23,16 @@ from burnish.core.errors import InvalidValue, TooLarge
 from burnish.core.parallel import parallel_map
 from burnish.core.types import Float32
 from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.contraction import Contracted, contract, fold, meet_tails
+from burnish.transport.expansion import blank, flattened
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart, Powers
 from burnish.transport.lights import base_under, over_lights
 from burnish.transport.pack import BlockSource
 from burnish.transport.rows import Rows
-from burnish.transport.stack import Stack, contract
+from burnish.transport.stack import Stack
 
-_STRIP = 1 << 12
-"""Pixels that are transposed at a time, to stay in cache."""
+_LINES = 32
+"""Lines of a picture that one task transposes."""
 
 
 @dataclass
@@ -98,14 +100,15 @@ def freeze(
         _check_memory(basis, chosen, len(powers.exponents), pixels, memory)
 
     base, first = base_under(basis, powers, source.base, state)
+    own = [stack for stack in stacks if stack.object in chosen]
     parts: list[FrozenPart | FoldedPart] = list(first)
-    parts += [
-        FoldedPart.of(stack, _columns_of(basis, stack), factors)
-        for stack in stacks
-        if stack.object in chosen
-    ]
+    parts += parallel_map(
+        lambda stack: FoldedPart.of(stack, _columns_of(basis, stack), factors), own
+    )
     if others:
-        parts.append(_contract_columns(basis, others, factors, state, pixels))
+        parts.append(
+            _contract_columns(basis, others, factors, state, (source.width, source.height))
+        )
     return Frozen(
         basis=basis,
         targets=chosen,
@@ -171,9 +174,17 @@ def _columns_of(basis: Basis, stack: Stack) -> ColumnSlice:
 
 
 def _contract_columns(
-    basis: Basis, stacks: list[Stack], factors: Float32, state: State, pixels: int
+    basis: Basis,
+    stacks: list[Stack],
+    factors: Float32,
+    state: State,
+    size: tuple[int, int],
 ) -> FrozenPart:
-    """V of all rows that first meet an object that is no target, added up by pixel."""
+    """V of all rows that first meet an object that is no target, added up by pixel.
+
+    size: width and height of the view.
+    """
+    width, height = size
     z, n, _ = factors.shape
     slices = [_columns_of(basis, stack) for stack in stacks]
     weights = [
@@ -182,41 +193,52 @@ def _contract_columns(
     ]
     by_channel = factors.transpose(0, 2, 1).reshape(z, 3 * n)
 
-    def fold(stack: Stack, found: tuple[list[Float32], Float32]) -> Float32:
+    def folded(stack: Stack, found: Contracted) -> Float32:
         cells, peak = found
-        tails = stack.meet_tails(by_channel).reshape(3, n, -1)
+        tails = meet_tails(stack, by_channel).reshape(3, n, -1)
         tails *= peak[:, None, None]
-        return stack.fold(cells, tails).reshape(3 * n, -1)
+        return fold(stack, cells, tails).reshape(3 * n, -1)
 
-    latents = parallel_map(fold, stacks, contract(stacks, weights))
-    picture = np.zeros((pixels + 1, 3 * n), np.float32)
+    latents = parallel_map(folded, stacks, contract(stacks, weights))
+    picture = blank(width, height, 3 * n)
     for stack, piece, latent in zip(stacks, slices, latents, strict=True):
-        factor, factors_of_rows = None, None
-        if not stack.indirect:
-            cosines = stack.cos_theta_o.astype(np.float64)
-            factor = basis.outgoing_factor(stack.object, state, piece, cosines)
-        if factor is not None:
-            by_row = np.broadcast_to(factor, (len(factor), 3)).astype(np.float32)
-            factors_of_rows = np.repeat(by_row, n, axis=1)
-        stack.expansion.add(latent, picture, stack.places(pixels), factors_of_rows)
+        stack.expansion.add(latent, picture, _outgoing(basis, stack, piece, state, n))
+    planes = _planes(flattened(picture)[:height, :width])
     return FrozenPart(
         object=-1,
         indirect=False,
-        pixel=np.arange(pixels, dtype=np.int32),
-        F=_planes(picture[:-1]).reshape(3, n, pixels).transpose(0, 2, 1),
-        cos_theta_o=np.ones(pixels, np.float32),
+        pixel=np.arange(width * height, dtype=np.int32),
+        F=planes.reshape(3, n, -1).transpose(0, 2, 1),
+        cos_theta_o=np.ones(width * height, np.float32),
         slice=None,
     )
 
 
+def _outgoing(
+    basis: Basis, stack: Stack, piece: ColumnSlice, state: State, powers: int
+) -> Float32 | None:
+    """s(θo) of a stack's rows, once for every power: float32 [r, 3 · powers], or None for 1."""
+    if stack.indirect:
+        return None
+    cosines = stack.cos_theta_o.astype(np.float64)
+    factor = basis.outgoing_factor(stack.object, state, piece, cosines)
+    if factor is None:
+        return None
+    by_row = np.broadcast_to(factor, (len(factor), 3)).astype(np.float32)
+    return np.repeat(by_row, powers, axis=1)
+
+
 def _planes(picture: Float32) -> Float32:
-    """The transpose, pixel by pixel to plane by plane: float32 [q, pixels]."""
-    result = np.empty(picture.shape[::-1], np.float32)
+    """Pixel by pixel [height, width, q] to plane by plane: float32 [q, height, width]."""
+    height, width, q = picture.shape
+    result = np.empty((q, height, width), np.float32)
 
     def work(start: int) -> None:
-        result[:, start : start + _STRIP] = picture[start : start + _STRIP].T
+        # A line at a time stays in cache
+        for y in range(start, min(start + _LINES, height)):
+            result[:, y] = picture[y].T
 
-    parallel_map(work, range(0, len(picture), _STRIP))
+    parallel_map(work, range(0, height, _LINES))
     return result
 
 

@@ -16,8 +16,9 @@ from burnish.core.errors import InvalidValue
 from burnish.core.parallel import core_count, parallel_map
 from burnish.core.types import Float32, Float64
 from burnish.transport.basis import State
+from burnish.transport.contraction import Contracted, back, collect, contract, fold, unfold
+from burnish.transport.expansion import blank, flattened
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
-from burnish.transport.stack import contract
 
 
 @dataclass(frozen=True)
@@ -63,42 +64,55 @@ class Renderer:
         Materials of other objects are those that were frozen.
         """
         frozen = self.frozen
-        pixels = frozen.width * frozen.height
         numbers = _Numbers(frozen, state)
-        # One entry more than there are pixels, for what expansions pad with
-        picture = np.empty((pixels + 1, 3), np.float32)
-        picture[pixels] = 0
-        self._fill(picture[:pixels], numbers.powers)
-        folded = [part for part in frozen.parts if isinstance(part, FoldedPart)]
-        cells = contract([part.stack for part in folded], [numbers.own(part) for part in folded])
-        for part, found in zip(folded, cells, strict=True):
-            factor = numbers.outgoing(part)
-            narrow = None if factor is None else _narrow(factor)
-            latent = _latent(part, found, numbers.powers)
-            part.stack.expansion.add(latent, picture, part.stack.places(pixels), narrow)
+        squares = self._folded_light(numbers)
+        image = self._over(squares, numbers.powers)
+        picture = image.reshape(-1, 3)
         for k, item in enumerate(frozen.parts):
             if isinstance(item, FoldedPart) or item.slice is None:
                 continue
             light = self._part_light(k, item, numbers.weights(item))
             factor = numbers.outgoing(item)
             picture[item.pixel] += light.T if factor is None else light.T * _narrow(factor)
-        return picture[:pixels].reshape(frozen.height, frozen.width, 3)
+        return image
 
-    def _fill(self, picture: Float32, powers: Float64) -> None:
-        """The base and what rows that first meet no target add, into float32 [pixels, 3]."""
-        base, others = self._base, self._others
+    def _folded_light(self, numbers: _Numbers) -> Float32 | None:
+        """What folded parts add, in squares (see `blank`); None where there are none."""
+        folded = [part for part in self.frozen.parts if isinstance(part, FoldedPart)]
+        if not folded:
+            return None
+        picture = blank(self.frozen.width, self.frozen.height, 3)
+        cells = contract([part.stack for part in folded], [numbers.own(part) for part in folded])
+        for part, found in zip(folded, cells, strict=True):
+            factor = numbers.outgoing(part)
+            narrow = None if factor is None else _narrow(factor)
+            latent = _latent(part, found, numbers.powers)
+            part.stack.expansion.add(latent, picture, narrow)
+        return picture
+
+    def _over(self, squares: Float32 | None, powers: Float64) -> Float32:
+        """The base and what rows that first meet no target add, under what is in squares."""
+        width, height = self.frozen.width, self.frozen.height
+        base, others = self._base.reshape(3, height, width), self._others
+        over = None if squares is None else flattened(squares)[:, :width]
         weights = powers.T.astype(np.float32)
-        step = -(-len(picture) // (2 * core_count()))
+        image = np.empty((height, width, 3), np.float32)
+        step = -(-height // (2 * core_count()))
 
         def work(start: int) -> None:
-            span = slice(start, start + step)
+            lines = slice(start, min(start + step, height))
             for h in range(3):
-                if others is None:
-                    picture[span, h] = base[h, span]
+                light = base[h, lines]
+                if others is not None:
+                    own = others[h, :, start * width : lines.stop * width]
+                    light = light + (weights[h] @ own).reshape(light.shape)
+                if over is None:
+                    image[lines, :, h] = light
                 else:
-                    np.add(weights[h] @ others[h, :, span], base[h, span], out=picture[span, h])
+                    np.add(light, over[lines, :, h], out=image[lines, :, h])
 
-        parallel_map(work, range(0, len(picture), step))
+        parallel_map(work, range(0, height, step))
+        return image
 
     def _part_light(self, key: int, part: FrozenPart, weights: Float64) -> Float32:
         """What a part adds to its rows: float32 [3, r], outgoing factor left out.
@@ -218,11 +232,11 @@ class _Numbers:
         return self.frozen.basis.outgoing_factor(part.object, self.state, part.slice, cosines)
 
 
-def _latent(part: FoldedPart, found: tuple[list[Float32], Float32], powers: Float64) -> Float32:
+def _latent(part: FoldedPart, found: Contracted, powers: Float64) -> Float32:
     """A folded part's light in its row directions: float32 [3, directions]."""
     cells, peak = found
     tails = part.tails_under(powers) * peak[:, None]
-    return part.stack.fold(cells, tails[:, None])[:, 0]
+    return fold(part.stack, cells, tails[:, None])[:, 0]
 
 
 def _back(
@@ -236,8 +250,8 @@ def _back(
     received = stack.expansion.back(upstream)
     (found,) = contract([stack], [numbers.own(part)])
     cells, peak = found
-    own = stack.back(stack.unfold(received, part.tails_under(numbers.powers)))
-    tails = (stack.collect(cells, received) * peak[:, None]) @ stack.S
+    own = back(stack, unfold(stack, received, part.tails_under(numbers.powers)))
+    tails = (collect(stack, cells, received) * peak[:, None]) @ stack.S
     through = np.einsum("hz,znh->nh", tails.astype(np.float64), part.factors)
     return own, through, stack.expansion.expand(_latent(part, found, numbers.powers))
 

@@ -14,6 +14,7 @@ import numpy as np
 from burnish.core.types import Float32, Float64, Int32
 from burnish.materials.lights import mix
 from burnish.transport.basis import Basis, ColumnSlice, State
+from burnish.transport.contraction import meet_tails, with_tails
 from burnish.transport.expansion import Expansion
 from burnish.transport.rows import Rows
 from burnish.transport.stack import Stack
@@ -90,24 +91,19 @@ class FoldedPart:
     @staticmethod
     def of(stack: Stack, piece: ColumnSlice, factors: Float32) -> FoldedPart:
         """A stack with the factors of its tails."""
-        z, n, _ = factors.shape
-        tails = (
-            stack.meet_tails(factors.transpose(0, 2, 1).reshape(z, 3 * n)) if 3 * n < z else None
-        )
-        return FoldedPart(stack, piece, factors, None if tails is None else tails.reshape(3, n, -1))
+        few = 3 * factors.shape[1] < len(factors)
+        return FoldedPart(stack, piece, factors, _tails(stack, factors) if few else None)
 
     def tails_under(self, powers: Float64) -> Float32:
         """The tail directions for powers [n, 3]: float32 [3, tail directions]."""
+        narrow = powers.astype(np.float32)
         if self.tails is None:
-            values = np.einsum("znh,nh->zh", self.factors, powers.astype(np.float32))
-            return self.stack.meet_tails(values)
-        return np.asarray(np.einsum("hnb,nh->hb", self.tails, powers.astype(np.float32)))
+            return meet_tails(self.stack, np.einsum("znh,nh->zh", self.factors, narrow))
+        return np.asarray(np.einsum("hnb,nh->hb", self.tails, narrow))
 
     def dense(self) -> FrozenPart:
         """The same with F, in the blocks' row directions."""
-        z, n, _ = self.factors.shape
-        tails = self.stack.meet_tails(self.factors.transpose(0, 2, 1).reshape(z, 3 * n))
-        F = self.stack.with_tails(tails.reshape(3, n, -1))
+        F = with_tails(self.stack, _tails(self.stack, self.factors))
         return FrozenPart(
             self.object,
             self.indirect,
@@ -117,6 +113,12 @@ class FoldedPart:
             self.slice,
             self.stack.expansion,
         )
+
+
+def _tails(stack: Stack, factors: Float32) -> Float32:
+    """S times the factors of the tails: float32 [3, powers, tail directions]."""
+    z, n, _ = factors.shape
+    return meet_tails(stack, factors.transpose(0, 2, 1).reshape(z, 3 * n)).reshape(3, n, -1)
 
 
 @dataclass

@@ -151,7 +151,7 @@ class TiledBlocks:
 
     def stacks(self) -> Sequence[Stack]:
         if self._stacks is None:
-            self._stacks = stacks_of(self.content, self.rows)
+            self._stacks = stacks_of(self.content, self.rows, self.width)
         return self._stacks
 
     @staticmethod
