@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from burnish.core.types import Float32, Int32, Int64
 from burnish.precompute.tables import NONE
-from burnish.precompute.tracer import Target, Tracer
+from burnish.precompute.tracer import CELL, Target, Tracer
 from burnish.transport.rows import Rows
 
 STRATA = 256
@@ -21,6 +22,13 @@ at 256. Mitsuba's ldsampler, as good in error, darkens the same picture by 0.5 %
 
 LANES = 1 << 20
 """Paths per kernel launch: enough to keep every core busy, few enough to stop soon."""
+
+
+THREAD_BLOCK = 16384
+"""Lanes of Dr.Jit's largest block, which one thread works through in order."""
+
+WIDEST_PACKET = 16
+"""Most lanes of a vector register: 4, 8 or 16 floats."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each row's values lie in one flat array; a value is one RGB triple.
+    """Where each row's values lie in one flat array; a value is RGB and a float of nothing.
 
     Rows are sorted by object and kind, so every (object, kind) is one dense run.
     """
@@ -81,11 +89,11 @@ class Layout:
         return Layout(tuple(runs), offsets, offset, basis.tails)
 
     def split(self, values: Float32) -> list[Float32]:
-        """The flat array as one [rows, columns, tails, 3] view per run."""
-        flat = values.reshape(-1, 3)
+        """The flat array as one [rows, columns, tails, CELL] view per run."""
+        flat = values.reshape(-1, CELL)
         return [
             flat[run.offset :][: (run.stop - run.start) * run.columns * self.tails].reshape(
-                run.stop - run.start, run.columns, self.tails, 3
+                run.stop - run.start, run.columns, self.tails, CELL
             )
             for run in self.runs
         ]
@@ -100,7 +108,7 @@ class Accumulator:
         self.rectangle = rectangle
         self.rows = rows
         self.layout = Layout.of(tracer, rows)
-        if self.layout.values * 3 >= NONE:
+        if self.layout.values * CELL >= NONE:
             raise MemoryError("a tile's tensor must have fewer than 2³² values")
         pixels, objects = rectangle.width * rectangle.height, max(len(tracer.basis.objects), 1)
         table = np.full((pixels, objects, 2), NONE, np.uint32)
@@ -111,7 +119,8 @@ class Accumulator:
         lights = max(tracer.groups.count, 1)
         self.target = Target(
             rows=mi.UInt32(table.ravel()),
-            transport=dr.zeros(mi.Float, max(self.layout.values, 1) * 3),
+            transport=dr.zeros(mi.Float, max(self.layout.values, 1) * CELL),
+            apart=False,
             fixed=dr.zeros(mi.Float, lights * pixels * 3),
             emission=dr.zeros(mi.Float, lights * pixels * 3),
             lost=dr.zeros(mi.UInt32, 1),
@@ -133,6 +142,7 @@ class Accumulator:
             self.rectangle.y + local // self.rectangle.width,
         )
         dr.make_opaque(pixel, local)
+        self.target.apart = threads_are_apart(area * per_launch, per_launch)
         for number in range(spp // per_launch):
             if number:
                 sampler.advance()
@@ -150,12 +160,13 @@ class Accumulator:
     def transport(self) -> list[Float32]:
         """T of each run of the layout: float32 [rows, columns, tails, 3], per sample."""
         scale = np.float32(1 / max(self.samples, 1))
-        return [total * scale for total in self.sums()]
+        return [total[..., :3] * scale for total in self.sums()]
 
     def sums(self) -> list[Float32]:
-        """T of each run, summed over the samples: views of the device's memory where it is ours."""
+        """T of each run, summed over the samples: float32 [rows, columns, tails, CELL], views of
+        the device's memory where it is ours."""
         values = np.array(self.target.transport, copy=False)
-        return self.layout.split(values[: self.layout.values * 3])
+        return self.layout.split(values[: self.layout.values * CELL])
 
     def image(self, buffer: Any) -> Float32:
         """A per-pixel sum as float32 [height, width, 3], per sample; [lights, height, width, 3]
@@ -164,3 +175,19 @@ class Accumulator:
         shape = (*apart, self.rectangle.height, self.rectangle.width, 3)
         scale = np.float32(1 / max(self.samples, 1))
         return np.asarray(np.array(buffer).reshape(shape) * scale, np.float32)
+
+
+def threads_are_apart(lanes: int, per_pixel: int) -> bool:
+    """Whether Dr.Jit's threads each take whole pixels of a launch, per_pixel lanes in a row.
+
+    A thread takes blocks of lanes, one after another: of THREAD_BLOCK lanes where there are
+    more than two for each thread, else equal shares of whole packets, two for each thread.
+    Never on a GPU.
+    """
+    if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+        return False
+    threads = dr.thread_count()
+    if threads <= 1 or lanes > 2 * threads * THREAD_BLOCK:
+        return threads <= 1 or THREAD_BLOCK % per_pixel == 0
+    block, rest = divmod(lanes, 2 * threads)
+    return rest == 0 and block % math.lcm(per_pixel, WIDEST_PACKET) == 0

@@ -20,7 +20,7 @@ from burnish.core.types import Float32
 from burnish.precompute.accumulate import Accumulator, Rectangle
 from burnish.precompute.prepass import find_rows
 from burnish.precompute.symbolic import SymbolicMaterials, settled
-from burnish.precompute.tracer import Tracer
+from burnish.precompute.tracer import CELL, VALUE_BYTES, Tracer
 from burnish.scene import Scene, View
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
@@ -106,7 +106,11 @@ class LiveEstimate:
             ]
             or [[0, 0]]
         )
-        return int(columns[rows.object, rows.indirect.astype(int)].sum()) * self.basis.tails * 12
+        return (
+            int(columns[rows.object, rows.indirect.astype(int)].sum())
+            * self.basis.tails
+            * VALUE_BYTES
+        )
 
     def _halve_bins(self) -> bool:
         """Half as many bins in every layer; False when they are few already."""
@@ -207,7 +211,7 @@ class LiveEstimate:
                 # Channels apart and rows whole, a channel at a time to bound the copy
                 cell = dr.arange(mi.UInt32, count * width)
                 first = (run.offset + cell // width * (run.columns * tails)) + cell % width
-                index = (first + piece.start * tails) * 3
+                index = (first + piece.start * tails) * CELL
                 for channel in range(3):
                     values = dr.gather(mi.Float, source, index + channel) * scale
                     out[channel] = np.array(values, copy=False).reshape(count, width)

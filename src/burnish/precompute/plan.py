@@ -10,6 +10,7 @@ import numpy as np
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.materials.lights import grouped
 from burnish.precompute.accumulate import Rectangle
+from burnish.precompute.tracer import VALUE_BYTES
 from burnish.scene import Scene
 from burnish.transport.basis import Basis, EditableObject
 from burnish.transport.rows import Rows
@@ -93,7 +94,8 @@ def row_bytes(basis: Basis, rows: Rows) -> np.ndarray:
     columns = np.array(
         [[basis.columns(i, kind) for kind in (False, True)] for i in range(len(basis.objects))]
     )
-    return columns[rows.object, rows.indirect.astype(int)].astype(np.int64) * basis.tails * 12
+    each = columns[rows.object, rows.indirect.astype(int)].astype(np.int64)
+    return np.asarray(each * basis.tails * VALUE_BYTES)
 
 
 def check_memory(basis: Basis, rows: Rows, pixels: int) -> None:

@@ -22,6 +22,11 @@ from burnish.precompute.symbolic import NUMERIC, PLAIN, SymbolicMaterials, Terms
 from burnish.precompute.tables import NONE
 from burnish.scene import Scene, View
 
+CELL = 4
+"""Floats of a value of the transport."""
+
+VALUE_BYTES = 4 * CELL
+
 MIRROR_PDF = 4.0
 """A fixed vertex whose sampled lobe has at least this density (per steradian) counts as a
 mirror: what it shows carries all bins. 4 /sr is the peak of a lobe of α ≈ 0.14."""
@@ -32,13 +37,16 @@ class Target:
     """Where a pass adds its samples; all device arrays.
 
     rows: uint32 [pixels, objects, 2] with the offset of each (pixel, object, indirect) row in
-      `transport`, in units of one RGB value, or NONE. transport: float [values · 3].
+      `transport`, in units of one value, or NONE. transport: float [values · CELL], RGB and
+      nothing, so that a lane adds a value in one step. apart: whether no two threads of a
+      launch share a pixel, so that no addition need be atomic.
     fixed, emission: float [pixels · 3], light group after group. lost: uint32 [1], samples
       without a row. pixels: uint32 [1], how many.
     """
 
     rows: Any
     transport: Any
+    apart: bool
     fixed: Any
     emission: Any
     lost: Any
@@ -397,11 +405,19 @@ class Tracer:
         for term in terms:
             colour = value if term.H is None else value * term.H
             for k, q in enumerate(term.quotients):
-                index = (row + (term.column + k * term.stride) * self._tails + tail) * 3
-                for channel in range(3):
-                    dr.scatter_add(
-                        target.transport, colour[channel] * q, index + channel, active & (q != 0)
-                    )
+                cell = row + (term.column + k * term.stride) * self._tails + tail
+                _add_to_cell(target, cell, colour * q, active & (q != 0))
+
+
+def _add_to_cell(target: Target, cell: Any, colour: Any, active: Any) -> None:
+    """transport[cell] += colour. Adding channel by channel costs a third of a pass."""
+    if target.apart:
+        value = mi.Vector4f(colour.x, colour.y, colour.z, 0)
+        mode = dr.ReduceMode.NoConflicts
+        dr.scatter_add(target.transport, value, cell, active, mode=mode)
+        return
+    for channel in range(3):
+        dr.scatter_add(target.transport, colour[channel], cell * CELL + channel, active)
 
 
 def mis(a: Any, b: Any) -> Any:

@@ -29,25 +29,28 @@ class Cells:
 
     @staticmethod
     def of(T: Float32, rows: AnyArray) -> Cells:
-        """Those of the given rows of T [R, c, z, 3]; of rising row indices."""
-        _, c, z, _ = T.shape
-        flat = T.reshape(len(T), c * z, 3)
+        """Those of the given rows of T [R, c, z, 3 or more]; of rising row indices.
+
+        Channels after the third are padding, all zero.
+        """
+        _, c, z, width = T.shape
+        flat = T.reshape(len(T), c * z, width)
         # Neighbouring rows lie side by side: one call for each such run
         starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1)
         runs = [(int(run[0]), int(run[-1]) + 1) for run in np.split(rows, starts[1:]) if len(run)]
-        seen = np.zeros((c * z, 3), np.uint32)
+        seen = np.zeros((c * z, width), np.uint32)
         for first, stop in runs:
             bits = flat[first:stop].view(np.uint32)
             np.bitwise_or(seen, np.bitwise_or.reduce(bits, axis=0), out=seen)
         cells = np.flatnonzero(seen[:, 0] | seen[:, 1] | seen[:, 2])
-        values = np.empty((len(rows), len(cells), 3), np.float32)
+        values = np.empty((len(rows), len(cells), width), np.float32)
         at = 0
         for first, stop in runs:
             # "clip" writes in place, where "raise" would go through a copy
             target = values[at : at + stop - first]
             np.take(flat[first:stop], cells, axis=1, out=target, mode="clip")
             at += stop - first
-        return Cells(values, cells, c, z)
+        return Cells(np.ascontiguousarray(values[..., :3]), cells, c, z)
 
     def lit_rows(self) -> AnyArray:
         """Which rows have any light: bool [r]."""
