@@ -23,6 +23,7 @@ from burnish.precompute.tracer import Tracer
 from burnish.reference import Estimate
 from burnish.scene import Scene
 from burnish.transport.basis import Basis, State, initial_state
+from burnish.transport.lights import mixed
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,8 @@ def polynomial(tensor: Accumulator, state: State, tails: Float64 | None = None) 
                     light[:, k] *= factor
         np.add.at(image, rows.pixel[run.start : run.stop], light.sum(axis=1))
     fixed = tensor.image(tensor.target.fixed)
+    if basis.lights:
+        fixed = mixed(basis, fixed, state)
     return fixed.astype(np.float64) + image.reshape(fixed.shape)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from burnish.core.types import Float32, Float64
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.lights import mix
 from burnish.materials.model import Fixed, Values
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.lambert import Lambert
@@ -114,8 +115,9 @@ def random_tile(
                 T, rows, which.astype(np.int32), view_width, basis, tolerance=0.0
             )
             dense[index, indirect] = (which, T)
-    fixed = rng.random((height, width, 3)).astype(np.float32)
-    emission = rng.random((height, width, 3)).astype(np.float32)
+    shape = (*((len(basis.lights),) if basis.lights else ()), height, width, 3)
+    fixed = rng.random(shape).astype(np.float32)
+    emission = rng.random(shape).astype(np.float32)
     tile = Tile(x, y, width, height, rows, blocks, fixed, emission, samples=1)
     return tile, dense
 
@@ -158,9 +160,10 @@ def plain_image(
     tails = basis.tail_values(state)
     for tile, dense in tiles:
         area = np.zeros((height, width, 3))
-        area[tile.y : tile.y + tile.height, tile.x : tile.x + tile.width] = (
-            tile.fixed.astype(np.float64) + tile.emission
-        )
+        base = tile.fixed.astype(np.float64) + tile.emission
+        if basis.lights:
+            base = np.einsum("ghwc,gc->hwc", base, mix(basis.lights, state))
+        area[tile.y : tile.y + tile.height, tile.x : tile.x + tile.width] = base
         image += area.reshape(-1, 3)
         for (index, indirect), (which, T) in dense.items():
             c = basis.column_coefficients(index, state, indirect)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from burnish.core.errors import (
     MissingFile,
     UnknownName,
 )
+from burnish.materials.lights import Light, LightGroup, LightState
 from burnish.runtime.freeze import freeze
 from burnish.runtime.renderer import Renderer
 from burnish.store import BundleHeader, BundleWriter, ObjectHeader, ViewHeader, open_bundle
@@ -281,3 +283,37 @@ def test_a_bundle_opens_and_edits_without_a_ray_tracer(tmp_path: Path) -> None:
         check=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(["src", *sys.path])},
     )
+
+
+def test_light_groups_read_as_they_were_written(tmp_path: Path) -> None:
+    plain = header_of()
+    groups = (LightGroup("key", ("lamp", "spot")), LightGroup("sky", ("sky",)))
+    header = replace(
+        plain,
+        basis=replace(plain.basis, lights=groups),
+        lights=(Light("lamp", "area"), Light("spot", "spot"), Light("sky", "constant")),
+    )
+    writer = BundleWriter.create(tmp_path / "a.burnish", header)
+    for number, tile in enumerate(tiles_of(header)):
+        writer.write_tile("front", number, tile)
+    writer.close()
+    bundle = open_bundle(tmp_path / "a.burnish")
+    assert bundle.header.to_json() == header.to_json()
+    assert (bundle.basis.lights, bundle.header.lights) == (groups, header.lights)
+    view, (source, tiles) = bundle.views["front"], random_world(header.basis, WIDTH, HEIGHT)
+    np.testing.assert_array_equal(view.base, source.base)
+    state = initial_state(bundle.basis.objects) | {"light:sky": LightState(intensity=3.0)}
+    image = Renderer(freeze(view, (), state)).image(state)
+    expected = plain_image(header.basis, tiles, state, WIDTH, HEIGHT)
+    np.testing.assert_allclose(image, expected, rtol=3e-3)
+
+
+def test_bundles_without_light_groups_are_those_of_the_first_format() -> None:
+    said = header_of().to_json()
+    assert said["format_version"] == 1
+    for newer in ("lights", "light_groups"):
+        del said[newer]
+    header = BundleHeader.from_json(said, "an old bundle")
+    assert (header.basis.lights, header.lights) == ((), ())
+    grouped = replace(header.basis, lights=(LightGroup("key", ("lamp",)),))
+    assert replace(header, basis=grouped).to_json()["format_version"] == 2

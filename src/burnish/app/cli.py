@@ -73,10 +73,11 @@ def change_options(command: Command) -> Command:
         click.option(
             "--set",
             "assignments",
-            metavar="OBJECT.LAYER.PARAM=VALUE",
+            metavar="OBJECT.LAYER.PARAM=VALUE|light:NAME.PARAM=VALUE",
             multiple=True,
             help="One edit, may be given many times. VALUE: a number, R,G,B (linear), "
-            "#rrggbb (sRGB) or a choice. PARAM may be weight too.",
+            "#rrggbb (sRGB) or a choice. PARAM may be weight too; a light has intensity, tint, "
+            "on and solo.",
         ),
     ):
         command = option(command)
@@ -172,6 +173,7 @@ def bake(**options: Any) -> None:
 Examples:
   burnish render box.burnish -o box.png
   burnish render box.burnish -o red.exr --set left.diffuse.color=0.6,0.1,0.1
+  burnish render ring.burnish -o warm.png --set light:lamp.intensity=2 --set light:studio.on=off
   burnish render scene.xml -o truth.exr --spp 1024 --set teapot.specular.roughness=0.1"""
 )
 @click.argument("source", metavar="SCENE|BUNDLE")

@@ -261,6 +261,11 @@ def describe_info(said: dict[str, Any]) -> list[str]:
     lines.append(f"  series {','.join(map(str, said['series']))}, {said['bounces']} bounces")
     if "bytes" in said:
         lines.append(f"  {said['bytes'] / 1e6:.1f} MB on disk")
+    lines += [f"  light {light['id']} ({light['kind']})" for light in said["lights"]]
+    lines += [
+        f"  light group {group['name']}: {', '.join(group['members'])}"
+        for group in said["light_groups"]
+    ]
     for item in said["objects"]:
         if not item["editable"]:
             lines.append(f"{item['id']}: fixed, {item.get('reason') or 'not chosen as editable'}")

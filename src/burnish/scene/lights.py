@@ -148,6 +148,8 @@ def _scale_emitter(tree: Tree, node: int, factor: RGB, folder: Path) -> None:
             props[name] = float(props.get(name, 1.0)) * factor[0]
     elif plugin == "envmap" and "filename" in props:
         props["filename"] = _scaled_picture(tree, node, factor, folder)
+    elif plugin == "envmap" and isinstance(props.get("bitmap", None), mi.Bitmap):
+        props["bitmap"] = _scaled_bitmap(props["bitmap"], factor)
     else:
         raise InvalidValue(
             f"{tree.place(node)}: the path tracer cannot change a light of type {plugin} like "
@@ -157,13 +159,12 @@ def _scale_emitter(tree: Tree, node: int, factor: RGB, folder: Path) -> None:
 
 def _scale_property(tree: Tree, node: int, name: str, factor: RGB, folder: Path) -> None:
     """Multiply one property of a node: a number, a colour, a spectrum or a texture."""
-    props = tree.node(node).props
-    value = props.get(name, 1.0)
+    value = tree.node(node).props.get(name, 1.0)
     if isinstance(value, Reference):
         # Another emitter may share the texture
         texture = _copied(tree, value.index())
         plugin, own = tree.plugin(texture), tree.node(texture).props
-        props[name] = Reference(texture)
+        tree.node(node).props[name] = Reference(texture)
         if plugin == "bitmap" and "filename" in own:
             own["filename"] = _scaled_picture(tree, texture, factor, folder)
             own["raw"] = True
@@ -172,7 +173,7 @@ def _scale_property(tree: Tree, node: int, name: str, factor: RGB, folder: Path)
             for inner in ("color0", "color1"):
                 _scale_property(tree, texture, inner, factor, folder)
             return
-    props[name] = mi.ScalarColor3d(np.multiply(_as_rgb(tree, node, value), factor).tolist())
+    tree.node(node).props[name] = mi.ScalarColor3d(np.multiply(_as_rgb(tree, node, value), factor).tolist())
 
 
 def _as_rgb(tree: Tree, node: int, value: Any) -> RGB:
@@ -201,6 +202,7 @@ def _as_rgb(tree: Tree, node: int, value: Any) -> RGB:
 def _copied(tree: Tree, node: int) -> int:
     """A copy of a node; what it refers to is shared."""
     copy = tree.add(tree.node(node).type, tree.plugin(node))
+    # A new node may move all others: what was known of them does not hold
     props = tree.node(node).props
     for name in props:
         tree.node(copy).props[name] = props[name]
@@ -214,13 +216,18 @@ def _scaled_picture(tree: Tree, node: int, factor: RGB, folder: Path) -> str:
     image = mi.Bitmap(str(source))
     if bool(props.get("raw", False)):
         image.set_srgb_gamma(False)
-    linear = image.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
-    values = np.array(linear) * np.array(factor, np.float32)
     said = f"{source} {factor} {bool(props.get('raw', False))}"
     name = f"{source.stem}-{hashlib.sha256(said.encode()).hexdigest()[:8]}.exr"
     place = folder / name
-    mi.Bitmap(np.ascontiguousarray(values, np.float32)).write(str(place))
+    _scaled_bitmap(image, factor).write(str(place))
     return str(place)
+
+
+def _scaled_bitmap(image: Any, factor: RGB) -> Any:
+    """A mi.Bitmap times a colour: mi.Bitmap, linear RGB."""
+    linear = image.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+    values = np.array(linear) * np.array(factor, np.float32)
+    return mi.Bitmap(np.ascontiguousarray(values, np.float32))
 
 
 def _number(emitter: Any) -> int:
