@@ -52,10 +52,7 @@ class World:
         self.pixel = rows.pixel[own]
         self.canvas = Canvas(rows.position[own], rows.normal[own])
         self.area = rows.weight[own].astype(np.float64)
-        self.varied = VariedObject(
-            basis.objects[2].material, self.canvas, self.area,
-            {basis.coarse_bins, basis.indirect_bins},
-        )  # fmt: skip
+        self.varied = VariedObject(basis.objects[2].material, self.canvas, self.area)
 
     def rows(self) -> PaintedRows:
         return PaintedRows(self.pixel, self.varied.at(self.state["lid"]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,8 @@ class Travel:
     def low(self) -> float:
         """The least value."""
         item = self.parameter
-        return max(item.minimum, item.rough_minimum or item.minimum)
+        low = max(item.minimum, item.rough_minimum or item.minimum)
+        return low if low > 0 or item.scale == "linear" else 1e-3 * item.maximum
 
     @property
     def high(self) -> float:
@@ -54,14 +56,19 @@ class Travel:
         Lobes change by the ratio of two widths: spaced by ratios where the scale says so, and
         denser towards the least value where it does not.
         """
-        low, high = self.low, self.high
         x = np.linspace(0.0, 1.0, count)
         if self.parameter.scale == "linear":
-            return np.asarray(low + (high - low) * x * x)
-        first = low if low > 0 else 1e-3 * high
-        rising = first * (high / first) ** x
-        rising[0], rising[-1] = first, high
-        return np.asarray(rising if first == low else np.concatenate([[low], rising]))
+            return np.asarray(self.low + (self.high - self.low) * x * x)
+        nodes = self.low * (self.high / self.low) ** x
+        nodes[0], nodes[-1] = self.low, self.high
+        return np.asarray(nodes)
+
+    def position(self, count: int) -> Callable[[Float64], Float64]:
+        """From values to their places among `nodes`, 0 to count - 1."""
+        low, high = self.low, self.high
+        if self.parameter.scale == "linear":
+            return lambda value: (count - 1) * np.sqrt((value - low) / (high - low))
+        return lambda value: (count - 1) * np.log(value / low) / np.log(high / low)
 
     def _ends(self) -> tuple[float, float]:
         item = self.parameter

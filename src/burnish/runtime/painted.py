@@ -1,9 +1,10 @@
-"""Frames of painted objects: coefficients of their own in every row.
+"""Frames of painted objects: rows that each have a material of their own.
 
-B = base + Σ_parts s(θo; row) · H(row) · Σ_n power_n Σ_c coefficient_c(row) F[row, c, n]: 2008's
-eq. 28 with c a function of the row. What the rows of a part make of each power is kept, and
-computed anew only for rows whose own material has changed; the powers, which the mean of all
-rows decides, are those of the same frame. So a stroke costs its own rows.
+B = base + Σ_parts H(row) Σ_nodes share(row, node) · s_node(θo) Σ_n power_n Σ_c c_node F[row, c, n]:
+2008's eq. 28 with its coefficients a function of the row, which is a mixture of uniform
+materials (`materials.painting.varied`). The light of a node is contracted once for all rows
+and kept, so that a stroke costs a mixture of its own rows; the powers, which the mean of all
+rows decides, are those of the same frame.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from burnish.core.parallel import parallel_map
-from burnish.core.types import AnyArray, Bool, Float32, Int64
-from burnish.materials.painting.varied import VariedLayer, VariedMaterial
+from burnish.core.types import AnyArray, Bool, Float32, Float64, Int64
+from burnish.materials.painting.varied import Node, VariedLayer, VariedMaterial
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import State
+from burnish.transport.contraction import fold, meet_tails
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
+from burnish.transport.stack import Stack
 
-_ROWS = 64
-"""Rows contracted at a time: their coefficients and F stay in cache."""
-_BLOCKS = 4
+_TOGETHER = 8
+"""Nodes whose light is contracted in one reading of the transport."""
+_SPARE = 8
+"""Nodes that the store has room for beyond those in use."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class PaintedRows:
 class PaintedRenderer:
     """Turns a `Frozen` of which some targets are painted into images.
 
-    >>> renderer = PaintedRenderer(frozen, {0})                    # doctest: +SKIP
+    >>> renderer = PaintedRenderer(frozen, frozenset({0}))         # doctest: +SKIP
     >>> picture = renderer.image(state, {0: rows})                 # doctest: +SKIP
     """
 
@@ -48,7 +52,7 @@ class PaintedRenderer:
         own = [part for part in frozen.parts if _is_painted(part, painted)]
         others = [part for part in frozen.parts if not _is_painted(part, painted)]
         self._others = Renderer(replace(frozen, parts=others))
-        self._parts = [_Part(part.dense(), len(frozen.powers.exponents)) for part in own]
+        self._parts = [_Part(part, len(frozen.powers.exponents)) for part in own]
 
     def image(self, state: State, rows: Mapping[int, PaintedRows]) -> Float32:
         """The picture: float32 [h, w, 3], linear RGB. rows: those of each painted object.
@@ -71,14 +75,17 @@ def _is_painted(part: FrozenPart | FoldedPart, painted: frozenset[int]) -> bool:
 
 
 class _Part:
-    """A frozen part whose rows have coefficients of their own."""
+    """A frozen part whose rows have materials of their own."""
 
-    def __init__(self, part: FrozenPart, powers: int) -> None:
+    def __init__(self, part: FrozenPart | FoldedPart, powers: int) -> None:
         assert part.slice is not None
         self.part, self.slice = part, part.slice
         self.object, self.pixel = part.object, part.pixel
-        self._light = np.zeros((len(part.pixel), powers, 3), np.float32)
-        self._outgoing: Float32 | None = None
+        self._light = np.zeros((powers, 3, len(part.pixel)), np.float32)
+        self._slots: dict[Node, int] = {}
+        """Where the light of a node stands in the store."""
+        self._store = np.zeros((0, *self._light.shape), np.float32)
+        """The light of nodes in every row: float32 [slots, powers, 3, r]."""
         self._place: AnyArray | None = None
         self._known: VariedLayer | None = None
 
@@ -87,22 +94,20 @@ class _Part:
         layer = rows.material.layers[self.slice.layer]
         if self._place is None:
             self._place = np.searchsorted(rows.pixel, self.pixel)
-        changed = self._changed(layer)
-        if changed.any():
-            self._contract(layer, rows, np.flatnonzero(changed))
+        changed = np.flatnonzero(self._changed(layer))
+        if len(changed):
+            self._mix(layer, self._first_column(rows), changed)
         self._known = layer
-        light = np.einsum("rnh,nh->rh", self._light, powers)
-        light *= layer.factor[self._place]
-        if self._outgoing is not None:
-            light *= self._outgoing
-        return np.asarray(light)
+        light = np.einsum("nhr,nh->rh", self._light, powers)
+        return np.asarray(light * layer.factor[self._place])
 
     def _changed(self, layer: VariedLayer) -> Bool:
-        """Which of the part's rows have other coefficients than in the last frame."""
+        """Which of the part's rows are made of other nodes than in the last frame."""
         before, place = self._known, self._place
         if before is layer:
             return np.zeros(len(self.pixel), np.bool_)
         if before is None or before.version != layer.version:
+            self._slots = {}
             return np.ones(len(self.pixel), np.bool_)
         if before.index.shape != layer.index.shape:
             return np.ones(len(self.pixel), np.bool_)
@@ -113,66 +118,101 @@ class _Part:
         other = (index | (before.share != layer.share)).reshape(len(layer.index), -1)
         return np.asarray(other.any(axis=1)[place])
 
-    def _contract(self, layer: VariedLayer, rows: PaintedRows, changed: Int64) -> None:
-        """Σ_c coefficient_c(row) F[row, c, n] of some rows, and their outgoing factors."""
+    def _mix(self, layer: VariedLayer, first: int, changed: Int64) -> None:
+        """Σ_nodes share · light of the node, for some rows."""
         assert self._place is not None
-        part, start = self.part, self._first_column(rows)
-        columns = slice(self.slice.start - start, self.slice.stop - start)
-        work = list(self._pieces(changed))
-
-        def contract(piece: tuple[Int64, tuple[AnyArray, ...]]) -> None:
-            own, source = piece
-            place = self._place
-            assert place is not None
-            c = layer.coefficients(place[own], columns)
+        self._light_nodes(layer, slice(self.slice.start - first, self.slice.stop - first))
+        slots = np.array([self._slots[node] for node in layer.nodes])
+        place = self._place[changed]
+        index, share = slots[layer.index[place]], layer.share[place]
+        mixed = np.zeros((len(changed), *self._light.shape[:2]), np.float32)
+        for k in range(index.shape[1]):
             for h in range(3):
-                F = _rows_of(part, source, h).reshape(len(own), c.shape[1], -1)
-                self._light[own, :, h] = np.matmul(c[:, None, :, h], F)[:, 0]
+                own = min(h, index.shape[2] - 1)
+                hit = np.flatnonzero(share[:, k, own])
+                light = self._store[index[hit, k, own], :, h, changed[hit]]
+                mixed[hit, :, h] += share[hit, k, own, None] * light
+        self._light[:, :, changed] = mixed.transpose(1, 2, 0)
 
-        parallel_map(contract, work)
-        cosines = part.cos_theta_o[changed].astype(np.float64)
-        factor = layer.outgoing(self._place[changed], cosines, self.slice.delta)
-        if factor is None:
-            if self._outgoing is not None:
-                self._outgoing[changed] = 1.0
-            return
-        if self._outgoing is None:
-            self._outgoing = np.ones((len(self.pixel), 3), np.float32)
-        self._outgoing[changed] = factor
+    def _light_nodes(self, layer: VariedLayer, columns: slice) -> None:
+        """Make sure that the store has the light of all nodes of a layer, and few others."""
+        fresh = [node for node in layer.nodes if node not in self._slots]
+        if len(self._slots) + len(fresh) > 2 * len(layer.nodes) + _SPARE:
+            kept = [node for node in layer.nodes if node in self._slots]
+            self._store = self._store[[self._slots[node] for node in kept]]
+            self._slots = {node: slot for slot, node in enumerate(kept)}
+        need = len(self._slots) + len(fresh)
+        if need > len(self._store):
+            store = np.empty((need + _SPARE, *self._light.shape), np.float32)
+            store[: len(self._store)] = self._store
+            self._store = store
+        cosines = self.part.cos_theta_o.astype(np.float64)
+        for start in range(0, len(fresh), _TOGETHER):
+            nodes = fresh[start : start + _TOGETHER]
+            c = np.stack([layer.table.coefficients(node)[columns] for node in nodes])
+            for node, light in zip(nodes, self._uniform(c), strict=True):
+                factor = layer.table.outgoing(node, cosines, self.slice.delta)
+                slot = self._slots[node] = len(self._slots)
+                self._store[slot] = light
+                if factor is not None:
+                    self._store[slot] *= factor.T.astype(np.float32)
+
+    def _uniform(self, coefficients: Float64) -> Iterator[Float32]:
+        """Σ_c c F[:, c, n] of all rows for each of some materials [q, columns, 3]."""
+        if isinstance(self.part, FoldedPart):
+            return _folded(self.part, coefficients)
+        part = self.part
+        return (_plain(part, c) for c in coefficients)
 
     def _first_column(self, rows: PaintedRows) -> int:
         """The first column of the slice's layer among the object's."""
         return sum(item.layer.columns for item in rows.material.layers[: self.slice.layer])
 
-    def _pieces(self, changed: Int64) -> Iterator[tuple[Int64, tuple[AnyArray, ...]]]:
-        """Rows to contract together, and where their F comes from.
 
-        Either the rows themselves, or U [k, r, a], the directions [k, a] and which of the
-        k · r combinations the rows are.
-        """
-        expansion = self.part.expansion
-        if expansion is None:
-            for first in range(0, len(changed), _ROWS):
-                own = changed[first : first + _ROWS]
-                yield own, (own,)
-            return
-        wanted = np.zeros(len(self.pixel) + 1, np.bool_)
-        wanted[changed] = True
-        for group in expansion.groups:
-            hit = wanted[group.rows]
-            used = np.flatnonzero(hit.any(axis=1))
-            for first in range(0, len(used), _BLOCKS):
-                blocks = used[first : first + _BLOCKS]
-                which = np.flatnonzero(hit[blocks])
-                own = group.rows[blocks].ravel()[which].astype(np.int64)
-                yield own, (group.U[blocks], group.latent[blocks], which)
+def _plain(part: FrozenPart, coefficients: Float64) -> Float32:
+    """Σ_c c F[r, c, n]: float32 [powers, 3, r]."""
+    columns = len(coefficients)
+    count = part.F.shape[2] // columns
+    c = coefficients.astype(np.float32)
+    products = np.empty((count, 3, part.F.shape[1]), np.float32)
+    for h in range(3):
+        # One product: column c, power n of F meets c in column n
+        weights = np.kron(c[:, h, None], np.eye(count, dtype=np.float32))
+        products[:, h] = (part.F[h] @ weights).T
+    return products if part.expansion is None else _expanded(part, products)
 
 
-def _rows_of(part: FrozenPart, source: tuple[AnyArray, ...], h: int) -> Float32:
-    """F of one channel at the rows of a piece: float32 [r, columns · powers]."""
-    if len(source) == 1:
-        return np.asarray(part.F[h, source[0]])
-    U, latent, which = source
-    # Padded directions meet zeros of U
-    directions = part.F[h][np.minimum(latent, part.F.shape[1] - 1)]
-    return np.asarray(np.matmul(U, directions).reshape(-1, part.F.shape[2])[which])
+def _folded(part: FoldedPart, coefficients: Float64) -> Iterator[Float32]:
+    """The same from the blocks themselves, which are read once for some materials [q, c, 3]."""
+    z, n, _ = part.factors.shape
+    tails = part.tails
+    if tails is None:
+        flat = part.factors.transpose(0, 2, 1).reshape(z, 3 * n)
+        tails = meet_tails(part.stack, flat).reshape(3, n, -1)
+    for cells in _cells(part.stack, coefficients):
+        latent = fold(part.stack, list(cells), tails)
+        yield _expanded(part, latent.transpose(1, 0, 2))
+
+
+def _cells(stack: Stack, coefficients: Float64) -> Float32:
+    """Σ_c C[h, cell, c] coefficients[q, c, h]: float32 [q, 3, cells]."""
+    # Always as many at a time, so that rounding does not tell what a node was made with
+    weights = np.zeros((3, _TOGETHER, stack.columns), np.float32)
+    weights[:, : len(coefficients)] = coefficients.transpose(2, 0, 1) * stack.scale[:, None]
+    chunks, _, width = stack.core.shape[1:]
+    result = np.empty((_TOGETHER, 3, chunks, width), np.float32)
+
+    def work(h: int, chunk: int) -> None:
+        part = stack.core[h, chunk].astype(np.float32, copy=False)
+        result[:, h, chunk] = weights[h] @ part
+
+    parallel_map(work, *zip(*np.ndindex(3, chunks), strict=True))
+    return result[: len(coefficients)].reshape(-1, 3, chunks * width)
+
+
+def _expanded(part: FrozenPart | FoldedPart, latent: Float32) -> Float32:
+    """From directions [powers, 3, directions] to rows: float32 [powers, 3, r]."""
+    expansion = part.stack.expansion if isinstance(part, FoldedPart) else part.expansion
+    assert expansion is not None
+    flat = np.ascontiguousarray(latent.reshape(-1, latent.shape[2]))
+    return expansion.expand(flat).reshape(*latent.shape[:2], -1)

@@ -84,9 +84,7 @@ class ViewPictures:
             item = frozen.frozen.basis.objects[i]
             known = self._varied.get(i)
             if known is None or known.material is not item.material:
-                basis = frozen.frozen.basis
-                counts = {basis.coarse_bins, basis.indirect_bins}
-                known = VariedObject(item.material, surface.canvas, surface.area, counts)
+                known = VariedObject(item.material, surface.canvas, surface.area)
                 self._varied[i] = known
             rows[i] = PaintedRows(surface.pixel, known.at(state[item.id]))
         return self._painted.image(state, rows)

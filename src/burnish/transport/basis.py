@@ -180,7 +180,7 @@ class Basis:
         item = self.objects[index]
         own = state[item.id]
         if isinstance(own, Mixture) and indirect:
-            return own.coarse[self.indirect_bins]
+            return own.coarse(self.indirect_bins)
         settled = conserved(item.material, state[item.id])
         parts = [
             coarse_coefficients(
@@ -239,7 +239,7 @@ class Basis:
     def _object_coarse_values(self, index: int, state: MaterialState) -> Float64:
         """ĉ_w of one object's layers: float64 [coarse columns, 3]."""
         if isinstance(state, Mixture):
-            return state.coarse[self.coarse_bins]
+            return state.coarse(self.coarse_bins)
         material = self.objects[index].material
         settled = conserved(material, state)
         return np.concatenate(

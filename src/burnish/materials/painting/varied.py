@@ -1,25 +1,26 @@
-"""A material whose parameters vary over the surface: its coefficients, row by row.
+"""A material whose parameters vary over the surface: what it is made of, row by row.
 
-Each painted parameter has nodes, values between which a lobe changes little. The coefficients
-at the nodes that occur make a table, computed when first needed; a row's coefficients are the
-table's, interpolated at the row's own values, and so the picture is rendered through the
-basis, for any model (what 2015 looks up in pre-rendered images). Values that whole areas have,
-what the material itself has and what strokes set, are nodes of their own: there the
-coefficients are those of the uniform material, exactly.
+Each painted parameter has nodes, values between which a lobe changes little. A row's material
+is a mixture of the nodes about its own values, by cubic interpolation, and its light is the
+same mixture of the light of uniform materials: light is linear in the coefficients, so this
+renders interpolated coefficients through the basis, for any model (2015 looks up pre-rendered
+images). Values that whole areas have, what the material itself has and what strokes set, are
+nodes of their own: there a row is that uniform material, exactly.
 
-Colours whose channels do not mix are one axis with a value of its own per channel, exact where
-coefficients are linear in them; other colours are three axes.
+A colour that multiplies is a factor, as a weight is. Other colours whose channels do not mix are
+one axis with a value of its own per channel, exact where coefficients are affine in them; the
+rest are three axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
-from burnish.core.types import AnyArray, Float32, Float64, Int32, Int64, Value
+from burnish.core.types import Float32, Float64, Int32, Int64, Value
 from burnish.materials.coefficients import albedo, coarse_coefficients, coefficients, outgoing
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.painting.canvas import MAXIMUM_WEIGHT, Canvas, PaintedMap, Place
@@ -27,8 +28,8 @@ from burnish.materials.painting.stroke import WEIGHT, Stroke
 from burnish.materials.parameter import Parameter
 from burnish.materials.travel import Travel
 
-NODES = 257
-"""Values of a scalar that are tabulated; about 2 % apart for a roughness or an exponent."""
+NODES = 65
+"""Of a scalar; about 11 % apart for a roughness, 14 % for an exponent."""
 COLOUR_NODES = 33
 
 
@@ -40,33 +41,43 @@ Node = tuple[tuple[Place, Value], ...]
 class Mixture(MaterialState):
     """A material that varies, as light sees it after the first encounter: its mean.
 
-    albedos: float64 [groups, 3], d of each group; coarse: by number of bins float64
+    albedos: float64 [groups, 3], d of each group; coarse: from a number of bins to float64
     [Σ coarse bins, 3]. Both are means of the rows' coefficients, weighted by visible area,
     not the coefficients of a mean parameter (2008, section 5.3).
     """
 
     albedos: Float64 = field(default_factory=lambda: np.zeros((0, 3)))
-    coarse: Mapping[int, Float64] = field(default_factory=dict)
+    coarse: Callable[[int], Float64] = lambda count: np.zeros((count, 3))
 
 
 class VariedTable:
-    """The coefficients of a layer at the nodes, remembered as long as the rest stays."""
+    """A layer's numbers at the nodes, remembered as long as the rest of it stays."""
 
     def __init__(self, material: Material, layer: Layer) -> None:
         self.material, self.layer = material, layer
         self.version = 0
         """Grows when what is remembered is for another state."""
         self._state: MaterialState | None = None
-        self._coefficients: dict[Node, Float64] = {}
+        self._own: LayerState | None = None
         self._albedos: dict[Node, Float64] = {}
         self._coarse: dict[tuple[int, Node], Float64] = {}
 
-    def begin(self, state: MaterialState) -> None:
-        """Forget what was computed for another state."""
-        if self._state is not state and self._state != state:
-            self._coefficients, self._albedos, self._coarse = {}, {}, {}
+    def begin(self, state: MaterialState, painted: Iterable[Place]) -> None:
+        """Forget what was computed for a state that differs in more than painted values."""
+        own = self.material.linked(state).layers[self.layer.name]
+        hidden = {parameter: 0.0 for name, parameter in painted if name == self.layer.name}
+        own = replace(own, values={**own.values, **hidden})
+        if self._own != own:
+            self._albedos, self._coarse = {}, {}
             self.version += 1
-        self._state = state
+        self._own, self._state = own, state
+
+    def hold(self, place: Place, value: Value) -> None:
+        """Take a value for a painted parameter that is no part of the nodes."""
+        assert self._state is not None
+        layer = self._state.layers[place[0]]
+        layer = replace(layer, values={**layer.values, place[1]: value})
+        self._state = MaterialState({**self._state.layers, place[0]: layer})
 
     def layer_state(self, node: Node) -> LayerState:
         """The layer's state with the painted values of a node, links followed."""
@@ -76,12 +87,13 @@ class VariedTable:
             layers[name] = replace(layers[name], values={**layers[name].values, parameter: value})
         return self.material.linked(MaterialState(layers)).layers[self.layer.name]
 
-    def coefficients(self, nodes: Sequence[Node]) -> Float64:
-        """float64 [nodes, columns, 3]."""
-        for node in nodes:
-            if node not in self._coefficients:
-                self._coefficients[node] = coefficients(self.layer, self.layer_state(node))
-        return np.stack([self._coefficients[node] for node in nodes])
+    def coefficients(self, node: Node) -> Float64:
+        """float64 [columns, 3]."""
+        return coefficients(self.layer, self.layer_state(node))
+
+    def outgoing(self, node: Node, cos_theta_o: Float64, delta: bool) -> Float64 | None:
+        """s(θo): float64 [rows, 3 or 1], or None for 1."""
+        return outgoing(self.layer, self.layer_state(node), cos_theta_o, delta)
 
     def albedos(self, nodes: Sequence[Node]) -> Float64:
         """float64 [nodes, 3]."""
@@ -101,11 +113,12 @@ class VariedTable:
 
 @dataclass(frozen=True)
 class VariedLayer:
-    """A layer's numbers at each row.
+    """A layer at each row: a mixture of uniform ones.
 
     version: the table's, when this was made. nodes: the table's entries that occur. index,
     share: int32 and float32 [r, k, 1 or 3], entries and their shares, one set of them per row
-    or per channel. factor: float32 [r, 1], H and what linking the layers' weights takes off it.
+    or per channel; the shares add to 1. factor: float32 [r, 1 or 3], H, colours that multiply,
+    and what linking the layers' weights takes off.
     """
 
     table: VariedTable
@@ -119,44 +132,15 @@ class VariedLayer:
     def layer(self) -> Layer:
         return self.table.layer
 
-    @cached_property
-    def columns(self) -> Float32:
-        """The nodes' coefficients: float32 [nodes, columns, 3]."""
-        return self.table.coefficients(self.nodes).astype(np.float32)
-
-    def coefficients(self, rows: AnyArray, columns: slice) -> Float32:
-        """The coefficients of some columns at some rows, H left out: float32 [r, columns, 3]."""
-        table, index, share = self.columns[:, columns], self.index[rows], self.share[rows]
-        result = np.zeros((len(index), table.shape[1], 3), np.float32)
-        for k in range(index.shape[1]):
-            for h in range(3):
-                own = min(h, index.shape[2] - 1)
-                result[:, :, h] += share[:, k, own, None] * table[index[:, k, own], :, h]
-        return result
-
-    def outgoing(self, rows: AnyArray, cos_theta_o: Float64, delta: bool) -> Float32 | None:
-        """s(θo) at some rows: float32 [r, 3], or None for 1 everywhere."""
-        index, share = self.index[rows], self.share[rows]
-        result = np.zeros((len(index), 3), np.float32)
-        plain = True
-        for n, node in enumerate(self.nodes):
-            weight = np.where(index == n, share, np.float32(0)).sum(axis=1)
-            used = np.flatnonzero(weight.any(axis=1))
-            if not len(used):
-                continue
-            found = outgoing(self.layer, self.table.layer_state(node), cos_theta_o[used], delta)
-            plain = plain and found is None
-            result[used] += weight[used] * (1.0 if found is None else found.astype(np.float32))
-        return None if plain else result
-
     def histogram(self, area: Float64) -> Float64:
-        """What share of Σ area · H has each node: float64 [nodes, 3]."""
+        """What share of Σ area · factor each node has: float64 [nodes, 3 or 1]."""
         weighted = area[:, None] * self.factor
-        result = np.zeros((len(self.nodes), 3))
+        channels = max(self.index.shape[2], weighted.shape[1])
+        result = np.zeros((len(self.nodes), channels))
         for k in range(self.index.shape[1]):
-            for h in range(3):
-                own = min(h, self.index.shape[2] - 1)
-                amount = weighted[:, 0] * self.share[:, k, own]
+            for h in range(channels):
+                own, mine = (min(h, a - 1) for a in (self.index.shape[2], weighted.shape[1]))
+                amount = weighted[:, mine] * self.share[:, k, own]
                 result[:, h] += np.bincount(self.index[:, k, own], amount, len(self.nodes))
         return result
 
@@ -172,18 +156,15 @@ class VariedMaterial:
 class VariedObject:
     """From an object's canvas and state to the numbers of its rows.
 
-    area: float64 [n], the visible area of each row. coarse: the numbers of coarse bins that
-    are asked of the mean.
+    area: float64 [n], the visible area of each row.
     """
 
-    def __init__(
-        self, material: Material, canvas: Canvas, area: Float64, coarse: Iterable[int]
-    ) -> None:
+    def __init__(self, material: Material, canvas: Canvas, area: Float64) -> None:
         self.material, self.canvas = material, canvas
         total = float(area.sum())
         self.area = area / total if total > 0 else np.full(len(area), 1 / max(len(area), 1))
-        self.counts = tuple(coarse)
         self._tables = {layer.name: VariedTable(material, layer) for layer in material.layers}
+        self._multipliers: dict[tuple[str, int, Place], bool] = {}
         self._known: tuple[MaterialState, VariedMaterial] | None = None
 
     def at(self, state: MaterialState) -> VariedMaterial:
@@ -203,14 +184,19 @@ class VariedObject:
         layers = []
         for layer in self.material.layers:
             table = self._tables[layer.name]
-            table.begin(plain)
-            own = [place for place in values if self._concerns(layer, place)]
-            axes = [
-                axis
-                for place in own
-                for axis in self._axes(table, layer, place, values, plain, state.strokes)
-            ]
-            layers.append(self._layer(table, axes))
+            table.begin(plain, values)
+            factor = np.ones((len(self.area), 1), np.float32)
+            axes: list[_Axis] = []
+            for place in values:
+                if not self._concerns(layer, place):
+                    continue
+                unit = self._unit(table, place)
+                if unit is None:
+                    axes += self._axes(table, place, values[place], plain, state.strokes)
+                else:
+                    factor = factor * (values[place][:-1] / unit).astype(np.float32)
+                    table.hold(place, (unit, unit, unit))
+            layers.append(self._layer(table, axes, factor))
         if state.conserve:
             layers = _conserved(layers)
         return VariedMaterial(tuple(layers), self._mean(state, layers))
@@ -230,70 +216,81 @@ class VariedObject:
             for link in links
         )
 
+    def _unit(self, table: VariedTable, place: Place) -> float | None:
+        """The grey to which a colour that multiplies is in proportion, None for other values."""
+        parameter = self.material.layer(place[0]).parameter(place[1])
+        if parameter.kind != "colour":
+            return None
+        key = table.layer.name, table.version, place
+        if key not in self._multipliers:
+            self._multipliers[key] = _multiplies(table, place, parameter)
+        return parameter.maximum if self._multipliers[key] else None
+
     def _axes(
         self,
         table: VariedTable,
-        layer: Layer,
         place: Place,
-        values: Mapping[Place, Float64],
+        own: Float64,
         state: MaterialState,
         strokes: Iterable[Stroke],
     ) -> list[_Axis]:
         parameter = self.material.layer(place[0]).parameter(place[1])
-        own = values[place]
         exact = _exact_values(self.material, state, place, own, strokes)
         if parameter.kind != "colour":
-            return [_Axis(place, None, Travel(parameter).nodes(NODES), exact[:, 0], own[:-1])]
+            travel = Travel(parameter)
+            position = travel.position(NODES)
+            nodes = travel.nodes(NODES)
+            return [_Axis(place, None, nodes, exact[:, 0], own[:-1], position, True)]
         low, high = parameter.minimum, parameter.maximum
         if _channels_apart(table, place, parameter):
             linear = _is_linear(table, place, parameter)
-            nodes = np.linspace(low, high, 2 if linear else NODES)
+            count = 2 if linear else COLOUR_NODES
+            nodes, position = _even(low, high, count)
             special = np.zeros(0) if linear else np.unique(exact)
-            return [_Axis(place, None, nodes, special, own[:-1])]
-        nodes = np.linspace(low, high, COLOUR_NODES)
-        return [_Axis(place, h, nodes, exact[:, h], own[:-1, h : h + 1]) for h in range(3)]
+            return [_Axis(place, None, nodes, special, own[:-1], position, not linear)]
+        nodes, position = _even(low, high, COLOUR_NODES)
+        return [
+            _Axis(place, h, nodes, exact[:, h], own[:-1, h : h + 1], position, False)
+            for h in range(3)
+        ]
 
-    def _layer(self, table: VariedTable, axes: list[_Axis]) -> VariedLayer:
+    def _layer(self, table: VariedTable, axes: list[_Axis], factor: Float32) -> VariedLayer:
         count = len(self.area)
-        factor = np.ones((count, 1), np.float32)
         painted = self.canvas.maps.get((table.layer.name, WEIGHT))
         if painted is not None:
-            factor = painted_weights(painted)[:-1, None]
+            factor = factor * painted_weights(painted)[:-1, None]
         index = np.zeros((count, 1, 1), np.int64)
         share = np.ones((count, 1, 1), np.float32)
         for axis in axes:
-            # Corners of the axes so far, times the two ends of this one's cell
-            low, fraction = axis.cells()
-            size = len(axis.all_nodes)
-            ends = np.stack([low, np.where(fraction > 0, low + 1, low)], axis=1)
-            parts = np.stack([1 - fraction, fraction], axis=1)
-            corners = index[:, :, None] * size + ends[:, None]
+            # Corners of the axes so far, times this one's
+            more, part = axis.corners()
+            corners = index[:, :, None] * len(axis.all_nodes) + more[:, None]
             index = corners.reshape(count, -1, corners.shape[3])
-            share = (share[:, :, None] * parts[:, None]).reshape(index.shape)
-        keys, flat = np.unique(index, return_inverse=True)
+            share = (share[:, :, None] * part[:, None]).reshape(index.shape)
+        keys, places = _distinct(index, int(np.prod([len(axis.all_nodes) for axis in axes])))
         nodes = tuple(_node(axes, int(key)) for key in keys)
-        return VariedLayer(
-            table, table.version, nodes, flat.reshape(index.shape).astype(np.int32), share, factor
-        )
+        return VariedLayer(table, table.version, nodes, places, share, factor)
 
     def _mean(self, state: MaterialState, layers: list[VariedLayer]) -> Mixture:
         groups = self.material.groups
+        parts = [item.histogram(self.area) for item in layers]
         albedos = np.zeros((len(groups), 3))
-        coarse: dict[int, list[Float64]] = {count: [] for count in self.counts}
-        for item in layers:
-            part = item.histogram(self.area)
+        for item, part in zip(layers, parts, strict=True):
             d = item.table.albedos(item.nodes)
             albedos[groups.index(item.layer.group)] += (part * d).sum(axis=0)
-            for count, found in coarse.items():
-                values = item.table.coarse(item.nodes, min(count, item.layer.bins))
-                found.append((part[:, None] * values).sum(axis=0))
-        return Mixture(
-            state.layers,
-            state.conserve,
-            state.strokes,
-            albedos,
-            {count: np.concatenate(found) for count, found in coarse.items()},
-        )
+
+        @cache
+        def coarse(count: int) -> Float64:
+            return np.concatenate(
+                [
+                    (
+                        part[:, None] * item.table.coarse(item.nodes, min(count, item.layer.bins))
+                    ).sum(axis=0)
+                    for item, part in zip(layers, parts, strict=True)
+                ]
+            )
+
+        return Mixture(state.layers, state.conserve, state.strokes, albedos, coarse)
 
 
 def painted_values(
@@ -326,7 +323,9 @@ def painted_weights(item: PaintedMap) -> Float32:
 class _Axis:
     """A painted number: regular nodes, values that are nodes of their own, and each row's.
 
-    channel: the channel of a colour whose channels mix, else None. values: float64 [r, 1 or 3].
+    channel: the channel of a colour whose channels mix, else None. nodes: as many as `position`
+    tells apart. values: float64 [r, 1 or 3]. position: from values to places among the nodes,
+    0 to len(nodes) - 1. cubic: interpolate between four nodes, else between two.
     """
 
     place: Place
@@ -334,26 +333,64 @@ class _Axis:
     nodes: Float64
     special: Float64
     values: Float64
+    position: Callable[[Float64], Float64]
+    cubic: bool
 
     @cached_property
     def all_nodes(self) -> Float64:
         return np.concatenate([self.nodes, np.unique(self.special)])
 
-    def cells(self) -> tuple[Int64, Float32]:
-        """The node below each value and the fraction towards the next: [r, 1 or 3] each."""
-        nodes, values = self.nodes, self.values
-        low = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
-        width = nodes[low + 1] - nodes[low]
-        fraction = np.clip((values - nodes[low]) / width, 0.0, 1.0).astype(np.float32)
-        # A fraction of 1 is the next node itself
-        low, fraction = np.where(fraction == 1, low + 1, low), np.where(fraction == 1, 0, fraction)
+    def corners(self) -> tuple[Int64, Float32]:
+        """The nodes about each value and their shares: [r, 2 or 4, 1 or 3] each.
+
+        Nodes without a share repeat one that has some.
+        """
+        values = self.values
+        count = 4 if self.cubic else 2
+        index = np.zeros((len(values), count, values.shape[1]), np.int64)
+        share = np.zeros(index.shape, np.float32)
         exact = np.unique(self.special)
+        between = np.ones(values.shape, np.bool_)
         if len(exact):
-            at = np.minimum(np.searchsorted(exact, values), len(exact) - 1)
-            same = exact[at] == values
-            low = np.where(same, len(nodes) + at, low)
-            fraction = np.where(same, np.float32(0), fraction)
-        return low.astype(np.int64), fraction.astype(np.float32)
+            place = np.minimum(np.searchsorted(exact, values), len(exact) - 1)
+            between = exact[place] != values
+            index[:] = len(self.nodes) + place[:, None]
+            share[:, 0] = 1.0
+        row, channel = np.nonzero(between)
+        index[row, :, channel], share[row, :, channel] = self._between(values[between])
+        return index, share
+
+    def _between(self, values: Float64) -> tuple[Int64, Float64]:
+        """Regular nodes about values and their shares: [m, 2 or 4] each."""
+        last = len(self.nodes) - 1
+        at = np.clip(self.position(values), 0.0, last)
+        if self.cubic:
+            first = np.clip(np.floor(at).astype(np.int64) - 1, 0, last - 3)
+            x = at - first
+            a, b, c, d = x, x - 1, x - 2, x - 3
+            shares = [-b * c * d / 6, a * c * d / 2, -a * b * d / 2, a * b * c / 6]
+        else:
+            first = np.clip(np.floor(at).astype(np.int64), 0, last - 1)
+            shares = [1 - (at - first), at - first]
+        share = np.stack(shares, axis=1)
+        index = first[:, None] + np.arange(len(shares))
+        largest = np.take_along_axis(index, np.abs(share).argmax(axis=1)[:, None], axis=1)
+        return np.where(share == 0, largest, index), share
+
+
+def _even(low: float, high: float, count: int) -> tuple[Float64, Callable[[Float64], Float64]]:
+    """Equally spaced nodes, and values' places among them."""
+    return np.linspace(low, high, count), lambda value: (value - low) / (high - low) * (count - 1)
+
+
+def _distinct(index: Int64, count: int) -> tuple[Int64, Int32]:
+    """The distinct values of an index below `count`, rising, and each one's place among them."""
+    if count > 1 << 20:
+        keys, places = np.unique(index, return_inverse=True)
+        return keys, places.reshape(index.shape).astype(np.int32)
+    used = np.zeros(count, np.bool_)
+    used[index] = True
+    return np.flatnonzero(used), (np.cumsum(used, dtype=np.int32) - 1)[index]
 
 
 def _node(axes: list[_Axis], key: int) -> Node:
@@ -396,13 +433,29 @@ def _exact_values(
     return np.stack(found)
 
 
+def _multiplies(table: VariedTable, place: Place, parameter: Parameter) -> bool:
+    """Whether each channel's coefficients are in proportion to that channel of a colour."""
+    high = parameter.maximum
+    unit = table.coefficients(((place, (high, high, high)),))
+    size = float(np.abs(unit).max())
+    return parameter.minimum == 0 and all(
+        np.allclose(
+            table.coefficients(((place, (r, g, b)),)),
+            unit * (np.array((r, g, b)) / high),
+            rtol=1e-9,
+            atol=1e-12 * size,
+        )
+        for r, g, b in ((0.2 * high, 0.5 * high, 0.9 * high), (0.7 * high, 0.0, 0.1 * high))
+    )
+
+
 def _channels_apart(table: VariedTable, place: Place, parameter: Parameter) -> bool:
     """Whether a channel's coefficients depend on that channel of a colour alone."""
     low, high = parameter.minimum, parameter.maximum
     a, b, c = (low + share * (high - low) for share in (0.2, 0.5, 0.9))
-    together = table.coefficients([((place, (a, b, c)),)])[0]
-    alone = table.coefficients([((place, (x, x, x)),) for x in (a, b, c)])
-    own = np.stack([alone[h, :, h] for h in range(3)], axis=1)
+    together = table.coefficients(((place, (a, b, c)),))
+    alone = [table.coefficients(((place, (x, x, x)),)) for x in (a, b, c)]
+    own = np.stack([alone[h][:, h] for h in range(3)], axis=1)
     return bool(np.allclose(together, own, rtol=1e-9, atol=1e-12))
 
 
@@ -410,7 +463,7 @@ def _is_linear(table: VariedTable, place: Place, parameter: Parameter) -> bool:
     """Whether coefficients are an affine function of a colour."""
     low, high = parameter.minimum, parameter.maximum
     at = [low + share * (high - low) for share in (0.0, 0.3, 0.5, 1.0)]
-    c = table.coefficients([((place, (x, x, x)),) for x in at])
+    c = np.stack([table.coefficients(((place, (x, x, x)),)) for x in at])
     size = float(np.abs(c).max())
     return all(
         np.allclose(c[k], c[0] + share * (c[3] - c[0]), rtol=1e-9, atol=1e-12 * size)
@@ -425,9 +478,8 @@ def _conserved(layers: list[VariedLayer]) -> list[VariedLayer]:
         d = item.table.albedos(item.nodes)
         for k in range(item.index.shape[1]):
             for h in range(3):
-                own = min(h, item.index.shape[2] - 1)
-                total[:, h] += (
-                    item.factor[:, 0] * item.share[:, k, own] * d[item.index[:, k, own], h]
-                )
+                own, mine = (min(h, a.shape[-1] - 1) for a in (item.index, item.factor))
+                share = item.factor[:, mine] * item.share[:, k, own]
+                total[:, h] += share * d[item.index[:, k, own], h]
     factor = (1 / np.maximum(total.max(axis=1), 1.0)).astype(np.float32)
     return [replace(item, factor=item.factor * factor[:, None]) for item in layers]
