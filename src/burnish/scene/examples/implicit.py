@@ -123,9 +123,9 @@ def meshed(field: Field, low: Point, high: Point, cell: float) -> Mesh:
             crossings += cut[:, None]
     points = origin + cell * (total / crossings).T
     for _ in range(2):
-        distance, normals = _expanded(field, points, cell / 8)
+        distance, normals = _expanded(field, points, cell / 32)
         points = points - np.clip(distance, -cell, cell) * normals
-    _, normals = _expanded(field, points, cell / 8)
+    _, normals = _expanded(field, points, cell / 32)
     number = np.full(cells, -1, np.int32)
     number[active] = np.arange(len(index))
     positions = points.T.astype(np.float64)

@@ -173,7 +173,9 @@ def _box_uv(positions: Float64, normals: Float64) -> Float64:
 
 
 def _power(x: Float64, exponent: float) -> Float64:
-    return np.asarray(np.sign(x) * np.abs(x) ** exponent)
+    # A small power would make much of the rounding of cos 90°
+    size = np.where(np.abs(x) < 1e-12, 0.0, np.abs(x))
+    return np.asarray(np.sign(x) * size**exponent)
 
 
 def _crowded(angle: Float64, exponent: float) -> Float64:

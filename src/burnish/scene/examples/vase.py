@@ -125,9 +125,7 @@ def _petal(start: float, radius: float, opening: float, edge: float) -> Float64:
     s = np.linspace(0.0, 1.0, 25)[:, None]
     t = np.linspace(-1.0, 1.0, 17)[None, :]
     width = (
-        0.86
-        * np.sqrt(np.maximum(1 - s**5, 0))
-        * (0.4 + 0.6 * np.sin(np.pi / 2 * np.minimum(s / 0.55, 1)))
+        0.86 * np.sqrt(1 - 0.985 * s**5) * (0.4 + 0.6 * np.sin(np.pi / 2 * np.minimum(s / 0.55, 1)))
     )
     bulge = np.sin(np.pi * (0.08 + 0.66 * s)) ** 0.8
     r = radius * bulge + opening * s**3 + edge * t * t * (0.3 + s) - 0.02 * (1 - t * t) * s
