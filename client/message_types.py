@@ -81,6 +81,8 @@ def generate() -> str:
             f"export const VERSION = {m.VERSION};",
             f"export const FRAME_MAGIC = {m.FRAME_MAGIC};",
             "export type RGB = [number, number, number];",
+            "/** Pixels of a view: left, top, width, height. */",
+            "export type Crop = [number, number, number, number];",
             "export type Value = number | RGB | string;\n",
             *(interface(m, kind, tagged=False) for kind in m.SHARED),
             *(interface(m, kind, tagged=True) for kind in m.CLIENT_MESSAGES),

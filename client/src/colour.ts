@@ -95,17 +95,3 @@ function rgbOf(x: number, y: number): RGB {
 /** Rec. 709 luminance. */
 export const luminance = (r: number, g: number, b: number): number =>
   0.2126 * r + 0.7152 * g + 0.0722 * b;
-
-/** Reflectance at normal incidence of common metals, linear RGB (from their n and k). */
-export const METALS: readonly (readonly [string, RGB])[] = [
-  ["Silver", [0.972, 0.96, 0.915]],
-  ["Aluminium", [0.913, 0.922, 0.924]],
-  ["Gold", [1.0, 0.766, 0.336]],
-  ["Copper", [0.955, 0.638, 0.538]],
-  ["Brass", [0.91, 0.778, 0.423]],
-  ["Chromium", [0.549, 0.556, 0.554]],
-  ["Nickel", [0.66, 0.609, 0.526]],
-  ["Titanium", [0.542, 0.497, 0.449]],
-  ["Iron", [0.56, 0.57, 0.58]],
-  ["Platinum", [0.673, 0.637, 0.585]],
-];

@@ -79,11 +79,13 @@ export class Connection {
     this.write(message);
   }
 
-  /** Send at the next displayed frame, unless a newer message of that key replaces it. */
+  /** A drag's value: the first of a displayed frame goes out at once, the newest of the others
+   * at its end. */
   sendLatest(key: string, message: ToServer): void {
     this.latest.set(key, message);
     if (this.scheduled) return;
     this.scheduled = true;
+    this.flush();
     requestAnimationFrame(() => {
       this.scheduled = false;
       this.flush();

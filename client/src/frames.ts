@@ -16,13 +16,16 @@ export interface Frame {
   height: number;
   frame: number;
   revision: number;
+  /** The view's pixel that the first one lies on. */
+  left: number;
+  top: number;
   /** When it arrived, by performance.now(). */
   arrived: number;
   /** Float16 bit patterns [height, width, 3], or object numbers [height, width]. */
   pixels: Uint16Array;
 }
 
-const HEADER_BYTES = 32;
+const HEADER_BYTES = 40;
 
 /** The number of the frame that a message holds. */
 export function frameNumber(message: ArrayBuffer): number {
@@ -32,9 +35,9 @@ export function frameNumber(message: ArrayBuffer): number {
 /** Read a message; `null` for one that is no frame. */
 export async function readFrame(message: ArrayBuffer, arrived: number): Promise<Frame | null> {
   if (message.byteLength < HEADER_BYTES) return null;
-  const head = new Uint32Array(message, 0, 8);
-  const [magic, kind, view, codec, width, height, frame, revision] = head as unknown as [
-    number, number, number, number, number, number, number, number,
+  const head = new Uint32Array(message, 0, HEADER_BYTES / 4);
+  const [magic, kind, view, codec, width, height, frame, revision, left, top] = head as unknown as [
+    number, number, number, number, number, number, number, number, number, number,
   ];
   if (magic !== FRAME_MAGIC) return null;
   const channels = kind === Kind.Objects ? 1 : 3;
@@ -42,7 +45,7 @@ export async function readFrame(message: ArrayBuffer, arrived: number): Promise<
     codec === 0
       ? new Uint16Array(message, HEADER_BYTES, width * height * channels)
       : await inflate(new Uint8Array(message, HEADER_BYTES), width, height, channels);
-  return { kind, view, width, height, frame, revision, arrived, pixels };
+  return { kind, view, width, height, frame, revision, left, top, arrived, pixels };
 }
 
 async function inflate(

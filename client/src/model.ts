@@ -6,7 +6,9 @@ import type {
   Appearance,
   CurveData,
   Curves,
+  Crop,
   FromServer,
+  LayerInfo,
   ObjectData,
   ObjectValues,
   Progress,
@@ -58,6 +60,10 @@ export const panelsHidden = signal(false);
 export const helpOpen = signal(false);
 export const histogramOpen = signal(true);
 export const pickingWhite = signal(false);
+/** The next drag in the picture marks the reference's rectangle. */
+export const pickingCrop = signal(false);
+/** The rectangle that a reference is asked for, and its view; null for whole frames. */
+export const crop = signal<{ view: string; pixels: Crop } | null>(null);
 export const shownViews = signal<string[]>([]);
 
 export interface Probe {
@@ -69,8 +75,17 @@ export interface Probe {
 }
 export const probe = signal<Probe | null>(null);
 export const zoom = signal(1);
+/** Whether denoised pictures stand in for noisy ones at rest. */
+export const resting = computed(() => progress.value?.resting ?? false);
 
-export const objects = computed<ObjectData[]>(() => welcome.value?.objects ?? []);
+/** Layers of the objects that have been given other models than the scene's. */
+const otherLayers = signal<Record<string, LayerInfo[]>>({});
+export const objects = computed<ObjectData[]>(() =>
+  (welcome.value?.objects ?? []).map((item) => {
+    const layers = otherLayers.value[item.id];
+    return layers ? { ...item, layers } : item;
+  }),
+);
 export const selectedObject = computed<ObjectData | null>(
   () => objects.value.find((item) => item.id === selected.value[0]) ?? null,
 );
@@ -109,6 +124,9 @@ function onState(message: State): void {
   batch(() => {
     if (Object.keys(message.materials).length > 0) {
       materials.value = { ...materials.peek(), ...message.materials };
+    }
+    if (JSON.stringify(message.layers) !== JSON.stringify(otherLayers.peek())) {
+      otherLayers.value = message.layers;
     }
     renew(selected, message.selected);
     renew(history, message.history);
@@ -225,6 +243,12 @@ export const setWeight = (layer: string, weight: number): void =>
   connection.sendLatest(`weight ${layer}`, { type: "SetWeight", layer, weight });
 export const setCurve = (layer: string, curve: CurveData | null): void =>
   connection.sendLatest(`curve ${layer}`, { type: "SetCurve", layer, curve });
+export const setOutgoingCurve = (layer: string, curve: CurveData | null): void =>
+  connection.sendLatest(`outgoing ${layer}`, { type: "SetOutgoingCurve", layer, curve });
+export const setModel = (layer: string, model: string): void =>
+  connection.send({ type: "SetModel", layer, model });
+export const setMetal = (layer: string, metal: string): void =>
+  connection.send({ type: "SetMetal", layer, metal });
 export const setEnabled = (layer: string, enabled: boolean): void =>
   connection.send({ type: "SetEnabled", layer, enabled });
 export const solo = (layer: string): void => connection.send({ type: "Solo", layer });
@@ -257,8 +281,8 @@ export function compareSnapshot(item: SnapshotData): void {
   comparison.value = "wipe";
 }
 
-export function pathTrace(view: string, spp: number): void {
-  connection.send({ type: "PathTrace", view, spp });
+export function pathTrace(view: string, spp: number, crop: Crop | null): void {
+  connection.send({ type: "PathTrace", view, spp, crop });
   comparedWith.value = "Reference";
   comparison.value = "wipe";
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import socket
@@ -20,6 +21,7 @@ from websockets.sync.client import connect
 from burnish.app.messages import MAXIMUM_MESSAGE_BYTES, VERSION
 from burnish.app.server import EditorServer, application, default_autosave, is_loopback
 from burnish.app.server.frames import Frame, Kind
+from burnish.app.server.mailbox import Mailbox
 from burnish.core.errors import DeviceError, InvalidValue
 from burnish.session import Session
 from tests.editor import worlds
@@ -295,7 +297,12 @@ def test_a_lost_connection_resumes(server: EditorServer, session: Session) -> No
         ("GoTo", {"position": 99}, "position"),
         ("Solo", {"layer": "ball.nothing"}, "layer"),
         ("LoadEdits", {"text": "{}"}, "edits"),
-        ("PathTrace", {"view": "front", "spp": 4}, "no reference"),
+        ("PathTrace", {"view": "front", "spp": 4, "crop": None}, "no reference"),
+        ("PathTrace", {"view": "front", "spp": 4, "crop": [0, 0, 5]}, "4 items"),
+        ("SetModel", {"layer": "ball.specular", "model": "phong"}, "open the scene itself"),
+        ("SetModel", {"layer": "ball.specular", "model": "phonk"}, "phong"),
+        ("SetMetal", {"layer": "ball.specular", "metal": "gold"}, "conductor"),
+        ("SetMetal", {"layer": "ball.specular", "metal": "unobtainium"}, "metal"),
         ("RestoreSnapshot", {"snapshot": 1}, "no look"),
         ("TakeSnapshot", {"label": "a", "view": "front", "thumbnail": "http://x/y.png"}, "data"),
         ("Inspect", {"theta_i": 400.0}, "theta_i"),
@@ -522,7 +529,7 @@ def test_the_reference_comes_in_passes_with_figures() -> None:
     session = worlds.session(truth=True)
     with EditorServer(session) as server, Page(server) as page:
         assert page.message("Welcome")["path_tracer"] == ""
-        page.send("PathTrace", view="front", spp=16)
+        page.send("PathTrace", view="front", spp=16, crop=None)
         page.until(lambda item: isinstance(item, Frame) and item.kind == Kind.COMPARISON)
         done = page.until(
             lambda item: (
@@ -534,3 +541,66 @@ def test_the_reference_comes_in_passes_with_figures() -> None:
         assert done["metrics"]["rel_rmse"] < 0.2
         page.send("SetValue", path=EXPONENT, value=3.0)
         page.message("Reference", stale=True)
+
+
+def test_a_reference_of_a_crop_is_of_its_pixels_alone() -> None:
+    session = worlds.session(truth=True)
+    with EditorServer(session) as server, Page(server) as page:
+        for crop, words in (([150, 0, 40, 40], "inside"), ([0, 0, 40, 8], "larger")):
+            page.send("PathTrace", view="front", spp=16, crop=crop)
+            assert words in page.message("Refused")["text"]
+        page.send("PathTrace", view="front", spp=16, crop=[30, 20, 48, 40])
+        frame = page.until(lambda item: isinstance(item, Frame) and item.kind == Kind.COMPARISON)
+        assert frame.corner == (30, 20)
+        assert frame.pixels.shape == (40, 48, 3)
+        done = page.until(
+            lambda item: (
+                not isinstance(item, Frame) and item["type"] == "Reference" and item["metrics"]
+            )
+        )
+        assert done["crop"] == [30, 20, 48, 40]
+        inside = in_engine(server)[20:60, 30:78]
+        assert done["metrics"]["mean_image"] == pytest.approx(inside.mean(), rel=1e-5)
+
+
+def test_a_viewing_curve_breaks_reciprocity_and_is_said_to() -> None:
+    session = worlds.session()
+    curve = {
+        "mode": "gain",
+        "interpolation": "linear",
+        "t": [0.0, 0.5, 1.0],
+        "values": [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0]],
+    }
+    with EditorServer(session) as server, Page(server) as page:
+        page.send("Select", objects=["ball"])
+        before = page.message("Curves", object="ball")["outgoing"]
+        assert before[0]["result"] == before[0]["base"]
+        page.send("SetOutgoingCurve", layer="ball.diffuse", curve=curve)
+        state = page.message("State", revision=1)
+        assert ["reciprocal" in text for text in state["warnings"]] == [True]
+        assert state["materials"]["ball"]["layers"]["diffuse"]["outgoing_curve"] == curve
+        after = page.until(
+            lambda item: (
+                not isinstance(item, Frame)
+                and item["type"] == "Curves"
+                and item["outgoing"][0]["result"] != before[0]["result"]
+            )
+        )["outgoing"][0]
+        assert after["result"][-1] == [0.0, 0.0, 0.0]
+        assert after["base"] == before[0]["base"]
+        page.send("SetOutgoingCurve", layer="ball.diffuse", curve=None)
+        assert page.message("State", revision=2)["warnings"] == []
+
+
+def test_a_busy_machine_is_not_taken_for_a_slow_link() -> None:
+    loop = asyncio.new_event_loop()
+    try:
+        for loopback in (True, False):
+            box = Mailbox("test", loop, loopback)
+            for number in range(20):
+                # 1.5 MB in a quarter of a second: 6 MB/s
+                box._in_flight[number] = time.monotonic() - 0.25, 1_500_000
+                box.shown(number, 0.0)
+            assert box.deflate is not loopback
+    finally:
+        loop.close()

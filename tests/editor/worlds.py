@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import Float32, Float64, Progress
+from burnish.core.types import Crop, Float32, Float64, Progress
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.models.blinn_phong import BlinnPhong
@@ -108,12 +108,16 @@ class LitTruth:
         spp: int,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Float32:
         if spp < 2:
             raise InvalidValue("spp must be at least 2, as for the path tracer itself")
         twin = Session(dict(self._session.views), name="twin")
         twin.restore(state)
         image = twin.frame(view)
+        if crop is not None:
+            left, top, width, height = crop
+            image = image[top : top + height, left : left + width]
         if progress is not None:
             progress(1.0, "path tracing")
         noise = np.random.default_rng(seed).normal(1.0, 0.2 / np.sqrt(spp), image.shape)

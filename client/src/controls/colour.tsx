@@ -1,7 +1,8 @@
 // A colour: a swatch that opens a picker with sRGB and linear numbers side by side.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { fromHex, fromHsv, hex, METALS, toHsv, toLinear, toSrgb } from "../colour";
+import { fromHex, fromHsv, hex, toHsv, toLinear, toSrgb } from "../colour";
 import type { RGB } from "../messages";
+import { welcome } from "../model";
 import { NumberBox, short } from "./number";
 
 export interface ColourProps {
@@ -198,14 +199,14 @@ function Picker({ label, value, minimum, maximum, metals, onChange, onBegin, onE
       </table>
       {metals && (
         <div class="metals" role="group" aria-label="Metals">
-          {METALS.map(([name, colour]) => (
+          {(welcome.value?.metals ?? []).map(({ name, reflectance }) => (
             <button
               key={name}
               class="metal"
               title={`${name}: reflectance at normal incidence`}
               aria-label={name}
-              style={{ background: hex(colour) }}
-              onClick={() => emit(colour)}
+              style={{ background: hex(reflectance) }}
+              onClick={() => emit(reflectance)}
             />
           ))}
         </div>

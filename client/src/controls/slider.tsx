@@ -11,6 +11,8 @@ export interface SliderProps {
   softMinimum: number;
   softMaximum: number;
   unit?: string;
+  /** How the slider's travel maps to the value; "square" is value = travel². */
+  scale?: "linear" | "logarithmic" | "square";
   tip?: string;
   onChange(value: number): void;
   onBegin?(): void;
@@ -40,11 +42,12 @@ export function Slider(props: SliderProps) {
   }, [held === null]);
 
   // Ranges over many decades get equal room for each.
-  const decades = low > 0 && high / low >= 100;
-  const toStep = (x: number) =>
-    STEPS * (decades ? Math.log(Math.max(x, low) / low) / Math.log(high / low) : (x - low) / (high - low));
-  const fromStep = (s: number) =>
-    decades ? low * (high / low) ** (s / STEPS) : low + ((high - low) * s) / STEPS;
+  const decades = low > 0 && (props.scale === "logarithmic" || (props.scale !== "square" && high / low >= 100));
+  const bend = (x: number) => (decades ? Math.log(Math.max(x, low)) : props.scale === "square" ? Math.sqrt(Math.max(x, 0)) : x);
+  const straight = (x: number) => (decades ? Math.exp(x) : props.scale === "square" ? x * x : x);
+  const [start, end] = [bend(low), bend(high)];
+  const toStep = (x: number) => (STEPS * (bend(x) - start)) / (end - start);
+  const fromStep = (s: number) => Math.min(Math.max(straight(start + ((end - start) * s) / STEPS), low), high);
 
   const fraction = Math.min(Math.max(toStep(shown) / STEPS, 0), 1);
   const changed = Math.abs(value - props.initial) > 1e-9 * Math.max(Math.abs(value), 1);

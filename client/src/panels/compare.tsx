@@ -20,8 +20,19 @@ export function keepLook(): void {
   model.takeSnapshot(`Look ${model.snapshots.value.length + 1}`, view, thumbnail.toDataURL("image/jpeg", 0.85));
 }
 
+/** Path-trace the first shown view, or a part of it. */
+function trace(part: "whole" | "rectangle" | "visible", spp: number): void {
+  const view = (part === "rectangle" && model.crop.value?.view) || (model.shownViews.value[0] ?? "");
+  const visible = handles.get(view)?.visible() ?? null;
+  const crop = part === "whole" ? null : part === "rectangle" ? (model.crop.value?.pixels ?? null) : visible;
+  model.pathTrace(view, spp, crop);
+  model.crop.value = null;
+  if (part === "rectangle") model.pickingCrop.value = false;
+}
+
 export function Compare() {
   const spp = useSignal(64);
+  const part = useSignal<"whole" | "rectangle" | "visible">("whole");
   const reference = model.reference.value;
   const unavailable = model.welcome.value?.path_tracer ?? "";
   const running = reference?.status === "running";
@@ -57,6 +68,23 @@ export function Compare() {
         {model.snapshots.value.length === 0 && <p class="empty">Kept looks appear here.</p>}
       </div>
       <div class="reference">
+        <select
+          aria-label="Part of the picture for the reference"
+          title="What is path-traced: the whole picture, a rectangle that you draw in it, or what the window shows"
+          value={part.value}
+          disabled={!!unavailable}
+          onChange={(e) => {
+            const next = e.currentTarget.value as "whole" | "rectangle" | "visible";
+            part.value = next;
+            model.crop.value = null;
+            model.pickingCrop.value = next === "rectangle";
+            if (next === "rectangle") model.say("info", "Drag a rectangle in the picture.");
+          }}
+        >
+          <option value="whole">Whole</option>
+          <option value="rectangle">Rectangle</option>
+          <option value="visible">In view</option>
+        </select>
         <select aria-label="Samples per pixel of the reference" value={spp.value} disabled={!!unavailable} onChange={(e) => (spp.value = Number(e.currentTarget.value))}>
           {[16, 64, 256, 1024, 4096].map((n) => (
             <option key={n} value={n}>
@@ -71,9 +99,9 @@ export function Compare() {
         ) : (
           <button
             class="wide"
-            disabled={!!unavailable}
+            disabled={!!unavailable || (part.value === "rectangle" && !model.crop.value)}
             title={unavailable || "Path-trace the present materials in the background"}
-            onClick={() => model.pathTrace(model.shownViews.value[0] ?? "", spp.value)}
+            onClick={() => trace(part.value, spp.value)}
           >
             Path-trace
           </button>
@@ -84,7 +112,9 @@ export function Compare() {
         <>
           <progress max={1} value={reference.fraction} aria-label="Reference" />
           <p class="figures">
-            {reference.spp} spp{reference.stale && <em title="The materials have changed since"> · of earlier edits</em>}
+            {reference.spp} spp
+            {reference.crop && ` · ${reference.crop[2]} × ${reference.crop[3]} pixels`}
+            {reference.stale && <em title="The materials have changed since"> · of earlier edits</em>}
             {reference.text && ` · ${reference.text}`}
           </p>
           {reference.status === "done" && (

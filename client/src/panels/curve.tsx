@@ -2,7 +2,7 @@
 import { useComputed, useSignal } from "@preact/signals";
 import { useRef } from "preact/hooks";
 import { applyCurve, evaluate, smoothed } from "../controls/curve_maths";
-import type { CurveData, LayerCurve, LayerInfo, RGB } from "../messages";
+import type { CurveData, LayerCurve, RGB } from "../messages";
 import * as model from "../model";
 
 const WIDTH = 300;
@@ -21,12 +21,23 @@ const NAMES: Record<string, string> = {
   theta_d: "θd difference angle",
   theta_r: "θr from the mirror direction",
   gamma_r: "γ from the mirror direction",
-  theta_i: "θi incidence",
-  theta_o: "θo viewing",
+  theta_in: "θi incidence",
+  theta_o: "θo viewing, from the normal",
+  gamma: "γ, the half angle stretched",
 };
 
-export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerCurve; curve: CurveData | null }) {
-  const { path, info, data, curve } = props;
+export interface CurveEditorProps {
+  /** What it is the curve of, said to screen readers. */
+  name: string;
+  coordinate: string;
+  /** In degrees for an angle. */
+  maximum: number;
+  data: LayerCurve;
+  curve: CurveData | null;
+  set(curve: CurveData | null): void;
+}
+
+export function CurveEditor({ name, coordinate, maximum, data, curve, set }: CurveEditorProps) {
   const log = useSignal(false);
   const drawing = useSignal(false);
   const channel = useSignal<(typeof CHANNELS)[number]>("all");
@@ -61,8 +72,8 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
     active ?? {
       mode: "gain",
       interpolation: "cubic",
-      // Denser where the highlight is.
-      t: Array.from({ length: POINTS }, (_, i) => (i / (POINTS - 1)) ** 2),
+      // As dense as the samples are: denser where the highlight is.
+      t: Array.from({ length: POINTS }, (_, i) => data.t[Math.round((i * (data.t.length - 1)) / (POINTS - 1))]!),
       values: Array.from({ length: POINTS }, (): RGB => [1, 1, 1]),
     };
   const level = (mode: CurveData["mode"], t: number, v: number, k: number): number => {
@@ -72,7 +83,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
   };
   const put = (next: CurveData) => {
     held.value = next;
-    model.setCurve(path, next);
+    set(next);
   };
   const at = (event: PointerEvent): [number, number] => {
     const box = svg.current!.getBoundingClientRect();
@@ -146,7 +157,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
     const place = source.t.findIndex((other) => other > t);
     const i = place < 0 ? source.t.length : place;
     const value = evaluate(source, [t])[0]!;
-    model.setCurve(path, {
+    set({
       ...source,
       t: [...source.t.slice(0, i), t, ...source.t.slice(i)],
       values: [...source.values.slice(0, i), value, ...source.values.slice(i)],
@@ -155,7 +166,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
   const removePoint = (index: number) => {
     const source = start();
     if (source.t.length <= 2) return;
-    model.setCurve(path, {
+    set({
       ...source,
       t: source.t.filter((_, i) => i !== index),
       values: source.values.filter((_, i) => i !== index),
@@ -168,7 +179,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
       const source = start();
       const values = source.values.map((v) => [...v] as RGB);
       for (const k of which) values[index]![k] = Math.min((values[index]![k] || 0.01) * factor, 1e6);
-      model.setCurve(path, { ...source, values });
+      set({ ...source, values });
     } else return;
     event.preventDefault();
     event.stopPropagation();
@@ -181,20 +192,19 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
         const v = result[i]!;
         return [level("gain", t, v[0], 0), level("gain", t, v[1], 1), level("gain", t, v[2], 2)];
       });
-      model.setCurve(path, { mode: "gain", interpolation: "cubic", t: data.t, values: dense });
+      set({ mode: "gain", interpolation: "cubic", t: data.t, values: dense });
     } else {
-      model.setCurve(path, { ...source, mode: "replace", t: data.t, values: result });
+      set({ ...source, mode: "replace", t: data.t, values: result });
     }
   };
 
   const points = start();
   const handles = !drawing.value && points.t.length <= MOST_HANDLES;
   const handleValues = handles ? applyCurve(points, points.t, points.t.map(baseAt)) : [];
-  const maximum = info.coordinate_maximum;
   const ticks = [0, 0.25, 0.5, 0.75, 1];
   return (
     <div class="curve">
-      <div class="tools" role="toolbar" aria-label={`Curve of ${info.name}`}>
+      <div class="tools" role="toolbar" aria-label={`Curve of ${name}`}>
         <button aria-pressed={!drawing.value} title="Drag points; double-click adds one, Delete removes it" onClick={() => (drawing.value = false)}>
           Points
         </button>
@@ -212,10 +222,10 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
           Log
         </button>
         <span class="spacer" />
-        <button disabled={!curve} title="Smooth the freehand edit" onClick={() => curve && model.setCurve(path, smoothed(curve))}>
+        <button disabled={!curve} title="Smooth the freehand edit" onClick={() => curve && set(smoothed(curve))}>
           Smooth
         </button>
-        <button disabled={!curve} title="Remove the freehand edit; the parameters' curve stays" onClick={() => model.setCurve(path, null)}>
+        <button disabled={!curve} title="Remove the freehand edit; the parameters' curve stays" onClick={() => set(null)}>
           Remove
         </button>
       </div>
@@ -224,7 +234,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
         class={drawing.value ? "drawing" : ""}
         viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
         role="group"
-        aria-label={`Curve of ${info.name} over ${info.coordinate}, 0 to ${maximum.toFixed(0)} degrees`}
+        aria-label={`Curve of ${name} over ${coordinate}, 0 to ${maximum.toFixed(0)} degrees`}
         onPointerDown={draw}
         onDblClick={addPoint}
       >
@@ -268,7 +278,7 @@ export function CurveEditor(props: { path: string; info: LayerInfo; data: LayerC
           ))}
       </svg>
       <div class="caption">
-        <span>{NAMES[info.coordinate] ?? info.coordinate}</span>
+        <span>{NAMES[coordinate] ?? coordinate}</span>
         <label title="On: the drawn curve stands by itself. Off: it scales the parameters' curve, which goes on moving under it.">
           <input type="checkbox" checked={standAlone} onChange={switchMode} /> stands alone
         </label>

@@ -4,7 +4,9 @@ import { Slider } from "../controls/slider";
 import type { LayerInfo, LayerValues } from "../messages";
 import * as model from "../model";
 import { AppearancePanel } from "./appearance";
+import { ModelChooser } from "./chooser";
 import { CurveEditor } from "./curve";
+import { Fresnel } from "./fresnel";
 import { Parameter } from "./parameter";
 
 export function Material() {
@@ -52,7 +54,7 @@ export function Material() {
 function Layer({ path, info, values, count }: { path: string; info: LayerInfo; values: LayerValues; count: number }) {
   const open = useSignal(true);
   const data = model.curves.value;
-  const curve = data && path.startsWith(`${data.object}.`) ? data.layers.find((l) => l.layer === info.name) : undefined;
+  const curve = data && path === `${data.object}.${info.name}` ? data.layers.find((l) => l.layer === info.name) : undefined;
   return (
     <section class={values.enabled ? "layer" : "layer off"} aria-label={`Layer ${info.name}`}>
       <h3>
@@ -60,7 +62,7 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
           {open.value ? "▾" : "▸"}
         </button>
         <span title={info.description}>{info.name}</span>
-        <small title={info.description}>{info.model}</small>
+        <ModelChooser path={path} info={info} />
         <span class="spacer" />
         {count > 1 && (
           <button title="Only this layer; again for all" onClick={() => model.solo(path)}>
@@ -80,11 +82,13 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
       </h3>
       {open.value && (
         <div class="body">
+          <Fresnel path={path} info={info} values={values} />
           {info.parameters.map((parameter) => (
             <Parameter
-              key={parameter.name}
+              key={`${info.model}.${parameter.name}`}
               path={`${path}.${parameter.name}`}
               info={parameter}
+              fresnel={info.fresnel}
               value={values.values[parameter.name] ?? parameter.default}
             />
           ))}
@@ -102,9 +106,46 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
             onEnd={model.endDrag}
             onReset={() => model.setWeight(path, info.weight)}
           />
-          {curve && <CurveEditor path={path} info={info} data={curve} curve={values.curve} />}
+          {curve && (
+            <CurveEditor
+              key={info.model}
+              name={info.name}
+              coordinate={info.coordinate}
+              maximum={info.coordinate_maximum}
+              data={curve}
+              curve={values.curve}
+              set={(next) => model.setCurve(path, next)}
+            />
+          )}
+          <ViewingCurve path={path} info={info} values={values} />
         </div>
       )}
     </section>
+  );
+}
+
+/** A freehand factor on the angle from which the layer is seen. */
+function ViewingCurve({ path, info, values }: { path: string; info: LayerInfo; values: LayerValues }) {
+  const open = useSignal(false);
+  const data = model.curves.value;
+  const curve = data && path === `${data.object}.${info.name}` ? data.outgoing.find((l) => l.layer === info.name) : undefined;
+  if (!curve) return null;
+  return (
+    <div class="viewing">
+      <button class="fold" aria-expanded={open.value} title="How strong the layer is by the angle from which it is seen" onClick={() => (open.value = !open.value)}>
+        {open.value ? "▾" : "▸"} Viewing angle
+        {values.outgoing_curve && <span class="dot" aria-label="edited" />}
+      </button>
+      {open.value && (
+        <CurveEditor
+          name={`${info.name} over the viewing angle`}
+          coordinate="theta_o"
+          maximum={90}
+          data={curve}
+          curve={values.outgoing_curve}
+          set={(next) => model.setOutgoingCurve(path, next)}
+        />
+      )}
+    </div>
   );
 }

@@ -45,6 +45,7 @@ export function Mix() {
                           key={parameter.name}
                           path={`${object.id}.${layer.name}.${parameter.name}`}
                           info={parameter}
+                          fresnel={layer.fresnel}
                           value={own.values[parameter.name] ?? parameter.default}
                         />
                       ))}

@@ -1,7 +1,7 @@
 // One parameter of a layer: slider, colour or choice, built from its description.
 import { Colour } from "../controls/colour";
 import { Slider } from "../controls/slider";
-import type { ParameterInfo, RGB, Value } from "../messages";
+import type { LayerInfo, ParameterInfo, RGB, Value } from "../messages";
 import * as model from "../model";
 
 /** "specular_ior" as "Specular ior", with the usual capitals. */
@@ -10,7 +10,7 @@ export function label(name: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
-export function Parameter({ path, info, value }: { path: string; info: ParameterInfo; value: Value }) {
+export function Parameter({ path, info, value, fresnel }: { path: string; info: ParameterInfo; value: Value; fresnel: LayerInfo["fresnel"] }) {
   const reset = () => model.reset(path);
   if (info.kind === "colour") {
     return (
@@ -21,7 +21,7 @@ export function Parameter({ path, info, value }: { path: string; info: Parameter
         minimum={info.minimum}
         maximum={info.maximum}
         tip={info.description}
-        metals={/spec|color|colour|f0|reflect/i.test(info.name) && !path.includes("diffuse")}
+        metals={fresnel === "color" && info.name === "color"}
         onChange={(next) => model.setValue(path, next)}
         onBegin={model.beginDrag}
         onEnd={model.endDrag}
@@ -57,6 +57,7 @@ export function Parameter({ path, info, value }: { path: string; info: Parameter
       softMinimum={info.soft_minimum}
       softMaximum={info.soft_maximum}
       unit={info.unit}
+      scale={info.scale}
       tip={info.description}
       onChange={(next) => model.setValue(path, next)}
       onBegin={model.beginDrag}

@@ -23,7 +23,7 @@ const SURROUND: RGB = [0.118, 0.118, 0.118];
 const GRID_ZOOM = 14;
 
 const UNIFORMS = [
-  "picture", "other", "objects", "height", "size", "origin", "zoom", "gain", "wipe", "hovered",
+  "picture", "other", "objects", "height", "size", "corner", "extent", "origin", "zoom", "gain", "wipe", "hovered",
   "selected", "glow", "thickness",
 ] as const;
 
@@ -36,6 +36,8 @@ interface Slot {
   texture: WebGLTexture;
   width: number;
   height: number;
+  left: number;
+  top: number;
 }
 
 export class Renderer {
@@ -63,7 +65,7 @@ export class Renderer {
     gl.clearColor(...SURROUND, 1);
     gl.bindVertexArray(gl.createVertexArray());
     for (const kind of [Kind.Picture, Kind.Objects, Kind.Comparison, Kind.Resting]) {
-      this.upload({ kind, view: 0, width: 1, height: 1, frame: 0, revision: 0, arrived: 0, pixels: new Uint16Array(3) });
+      this.upload({ kind, view: 0, width: 1, height: 1, frame: 0, revision: 0, left: 0, top: 0, arrived: 0, pixels: new Uint16Array(3) });
     }
   }
 
@@ -82,6 +84,8 @@ export class Renderer {
     gl.activeTexture(gl.TEXTURE0 + frame.kind);
     gl.bindTexture(gl.TEXTURE_2D, target.texture);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
+    target.left = frame.left;
+    target.top = frame.top;
     const numbers = frame.kind === Kind.Objects;
     const format = numbers ? gl.RED_INTEGER : gl.RGB;
     const type = numbers ? gl.UNSIGNED_SHORT : gl.HALF_FLOAT;
@@ -132,6 +136,9 @@ export class Renderer {
     gl.uniform1i(at.picture, look.resting && look.comparison === 0 ? Kind.Resting : Kind.Picture);
     gl.uniform1f(at.height, canvas.height);
     gl.uniform2f(at.size, width, height);
+    const other = this.slots[Kind.Comparison];
+    gl.uniform2f(at.corner, other.left, other.top);
+    gl.uniform2f(at.extent, other.width, other.height);
     gl.uniform2f(at.origin, ...look.origin);
     gl.uniform1f(at.zoom, look.zoom);
     gl.uniform3fv(at.gain, look.gain);
@@ -161,7 +168,13 @@ export class Renderer {
   }
 
   private get comparable(): boolean {
-    return this.slots[Kind.Comparison].width === this.size[0];
+    return this.has(Kind.Comparison);
+  }
+
+  /** Left and right edge of what is compared, in picture pixels. */
+  get compared(): [number, number] {
+    const { left, width } = this.slots[Kind.Comparison];
+    return this.comparable ? [left, left + width] : [0, this.size[0]];
   }
 
   /** The whole picture as the look shows it, `width` pixels wide, as a canvas. */
@@ -189,7 +202,7 @@ export class Renderer {
 function slot(gl: WebGL2RenderingContext): Slot {
   const texture = gl.createTexture();
   if (!texture) throw new Error("The graphics card refused a texture.");
-  return { texture, width: 0, height: 0 };
+  return { texture, width: 0, height: 0, left: 0, top: 0 };
 }
 
 function link(gl: WebGL2RenderingContext, source: string): WebGLProgram {

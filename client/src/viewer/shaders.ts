@@ -38,6 +38,8 @@ uniform sampler2D other;
 uniform usampler2D objects;
 uniform float height;
 uniform vec2 size;
+uniform vec2 corner;
+uniform vec2 extent;
 uniform vec2 origin;
 uniform float zoom;
 uniform vec3 gain;
@@ -84,17 +86,25 @@ vec3 tone(vec3 x) {
 }
 #endif
 
+// The sRGB transfer function. Its power as a polynomial in square roots, within 5e-5 of it:
+// powers are what a processor that draws in software would spend its time on.
 vec3 display(vec3 linear) {
   vec3 x = clamp(tone(max(linear, 0.0) * gain), 0.0, 1.0);
-  return mix(1.055 * pow(max(x, 1e-8), vec3(1.0 / 2.4)) - 0.055, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+  vec3 a = sqrt(x), b = sqrt(a), c = sqrt(b);
+  vec3 high = 0.6423761 * a + 0.7120982 * b - 0.3368648 * c - 0.0175665 * x;
+  return mix(high, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
 }
 
-vec3 read(sampler2D image, vec2 p) {
+vec3 read(sampler2D image, vec2 p, vec2 whole) {
 #if SMALLER
-  return texture(image, p / size).rgb;
+  return texture(image, p / whole).rgb;
 #else
   return texelFetch(image, ivec2(p), 0).rgb;
 #endif
+}
+
+bool compared(vec2 p) {
+  return all(greaterThanEqual(p, corner)) && all(lessThan(p, corner + extent));
 }
 
 vec3 heat(float x) {
@@ -126,16 +136,28 @@ void main() {
   vec2 p = (vec2(gl_FragCoord.x, height - gl_FragCoord.y) - origin) / zoom;
   vec3 shown;
 #if COMPARISON == 0
-  shown = display(read(picture, p));
+  shown = display(read(picture, p, size));
 #elif COMPARISON == 1
-  float edge = (wipe * size.x - p.x) * zoom;
-  shown = display(edge < 0.0 ? read(other, p) : read(picture, p));
-  if (abs(edge) < 0.5 * thickness) shown = vec3(0.95);
+  // The line crosses what is compared, all of the picture or a part of it
+  float edge = (corner.x + wipe * extent.x - p.x) * zoom;
+  bool here = compared(p);
+  shown = display(here && edge < 0.0 ? read(other, p - corner, extent) : read(picture, p, size));
+  if (here && abs(edge) < 0.5 * thickness) shown = vec3(0.95);
 #elif COMPARISON == 2
-  shown = display(read(other, p));
+  shown = display(compared(p) ? read(other, p - corner, extent) : read(picture, p, size));
 #else
-  vec3 reference = read(other, p);
-  shown = heat(2.0 * length(read(picture, p) - reference) / (length(reference) + 0.02));
+  vec3 now = read(picture, p, size);
+  if (compared(p)) {
+    vec3 reference = read(other, p - corner, extent);
+    shown = heat(2.0 * length(now - reference) / (length(reference) + 0.02));
+  } else {
+    shown = display(now);
+  }
+#endif
+#if COMPARISON > 0
+  vec2 beyond = max(corner - p, p - corner - extent) * zoom;
+  float margin = max(beyond.x, beyond.y);
+  if (margin > 0.0 && margin < 0.75 * thickness) shown = vec3(0.75);
 #endif
 #if OUTLINES
   shown = outlined(shown, p);

@@ -4,7 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { whiteOf } from "../colour";
 import { Kind, type Frame } from "../frames";
 import { HALF } from "../halves";
-import type { RGB, ViewData } from "../messages";
+import type { Crop, RGB, ViewData } from "../messages";
 import * as model from "../model";
 import { Renderer, type Look } from "./renderer";
 import { OPERATORS } from "./shaders";
@@ -13,6 +13,9 @@ const COMPARISONS: model.Comparison[] = ["off", "wipe", "other", "difference"];
 const GLOW_MS = 1100;
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 const CLICK_PIXELS = 4;
+const FRAME_MS = 12;
+/** Pixels of a rectangle's shorter side; the server refuses smaller ones. */
+export const LEAST_CROP = 16;
 
 /** What other parts of the page may ask of a shown view. */
 export interface ViewHandle {
@@ -21,6 +24,8 @@ export interface ViewHandle {
   actualSize(): void;
   picture(width: number): HTMLCanvasElement | null;
   latest(): Frame | null;
+  /** The pixels that the canvas shows. */
+  visible(): Crop;
 }
 export const handles = new Map<string, ViewHandle>();
 
@@ -34,6 +39,7 @@ export function gainOf(): RGB {
 
 export function View({ data, index }: { data: ViewData; index: number }) {
   const canvasRef = useRef<HTMLCanvasElement>(null);
+  const marking = useRef<HTMLDivElement>(null);
   const [problem, setProblem] = useState("");
   const [waiting, setWaiting] = useState(true);
 
@@ -47,7 +53,7 @@ export function View({ data, index }: { data: ViewData; index: number }) {
       setProblem(error instanceof Error ? error.message : String(error));
       return;
     }
-    const controller = new Controller(canvas, renderer, data, index, () => setWaiting(false));
+    const controller = new Controller(canvas, marking.current, renderer, data, index, () => setWaiting(false));
     handles.set(data.name, controller);
     model.mounted.add(data.name);
     return () => {
@@ -61,6 +67,7 @@ export function View({ data, index }: { data: ViewData; index: number }) {
   return (
     <figure class="view" aria-label={`View ${data.name}`}>
       <canvas ref={canvasRef} tabIndex={0} role="img" aria-label={`Picture of view ${data.name}`} />
+      <div ref={marking} class="marking" hidden />
       {problem && <p class="problem" role="alert">{problem}</p>}
       {waiting && !problem && <p class="waiting" role="status">Waiting for the first picture …</p>}
       {model.shownViews.value.length > 1 && <figcaption>{data.name}</figcaption>}
@@ -78,12 +85,14 @@ class Controller implements ViewHandle {
   private resting: Frame | null = null;
   private waitingToShow: Frame[] = [];
   private scheduled = false;
+  private drawnAt = -1;
   private glowUntil = 0;
-  private drag: { x: number; y: number; moved: boolean; wiping: boolean } | null = null;
+  private drag: { x: number; y: number; moved: boolean; kind: "pan" | "wipe" | "crop"; from: [number, number] } | null = null;
   private readonly stops: (() => void)[] = [];
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
+    private readonly marking: HTMLElement | null,
     private readonly renderer: Renderer,
     private readonly data: ViewData,
     private readonly index: number,
@@ -124,10 +133,10 @@ class Controller implements ViewHandle {
           lastSelected = now;
           if (!still.matches) this.glowUntil = performance.now() + GLOW_MS;
         }
-        if (!model.progress.value?.resting) this.resting = null;
+        if (!model.resting.value) this.resting = null;
         // Everything that the look reads; a change of any of it draws anew.
         gainOf();
-        void [model.operator.value, model.comparison.value, model.wipe.value, model.hovered.value];
+        void [model.operator.value, model.comparison.value, model.wipe.value, model.hovered.value, model.crop.value];
         this.schedule();
       }),
     );
@@ -178,7 +187,9 @@ class Controller implements ViewHandle {
     }
     if (frame.kind === Kind.Resting) this.resting = frame;
     this.renderer.upload(frame);
-    this.schedule();
+    // The first of a displayed frame is drawn at once and misses none; others wait for the next.
+    if (frame.kind === Kind.Picture && !this.scheduled && performance.now() - this.drawnAt > FRAME_MS) this.draw();
+    else this.schedule();
   }
 
   private schedule(): void {
@@ -186,11 +197,43 @@ class Controller implements ViewHandle {
     this.scheduled = true;
     requestAnimationFrame(() => {
       this.scheduled = false;
-      this.renderer.draw(this.look());
-      for (const frame of this.waitingToShow) model.shown(frame);
-      this.waitingToShow = [];
-      if (performance.now() < this.glowUntil) this.schedule();
+      this.draw();
     });
+  }
+
+  private draw(): void {
+    this.drawnAt = performance.now();
+    this.renderer.draw(this.look());
+    this.mark();
+    for (const frame of this.waitingToShow) model.shown(frame);
+    this.waitingToShow = [];
+    if (performance.now() < this.glowUntil) this.schedule();
+  }
+
+  /** Put the frame about the rectangle that a reference is asked for. */
+  private mark(): void {
+    const { marking } = this;
+    const chosen = model.crop.value;
+    if (!marking) return;
+    marking.hidden = chosen?.view !== this.name;
+    if (!chosen || marking.hidden) return;
+    const [left, top, width, height] = chosen.pixels;
+    const ratio = devicePixelRatio;
+    const { style } = marking;
+    style.left = `${(this.origin[0] + left * this.scale) / ratio}px`;
+    style.top = `${(this.origin[1] + top * this.scale) / ratio}px`;
+    style.width = `${(width * this.scale) / ratio}px`;
+    style.height = `${(height * this.scale) / ratio}px`;
+  }
+
+  visible(): Crop {
+    const { width, height } = this.data;
+    const clamp = (x: number, most: number) => Math.min(Math.max(Math.round(x), 0), most);
+    const left = clamp(-this.origin[0] / this.scale, width);
+    const top = clamp(-this.origin[1] / this.scale, height);
+    const right = clamp((this.canvas.width - this.origin[0]) / this.scale, width);
+    const bottom = clamp((this.canvas.height - this.origin[1]) / this.scale, height);
+    return [left, top, right - left, bottom - top];
   }
 
   private look(): Look {
@@ -270,12 +313,17 @@ class Controller implements ViewHandle {
     this.zoomed();
   }
 
+  /** Whether a place is on the line of the wipe. */
+  private onWipe(x: number): boolean {
+    const [left, right] = this.renderer.compared;
+    const line = left + model.wipe.value * (right - left);
+    return model.comparison.value === "wipe" && Math.abs(x - line) * this.scale < 8 * devicePixelRatio;
+  }
+
   private press(event: PointerEvent): void {
-    const [x] = this.at(event);
-    const nearWipe =
-      model.comparison.value === "wipe" &&
-      Math.abs(x - model.wipe.value * this.data.width) * this.scale < 8 * devicePixelRatio;
-    this.drag = { x: event.clientX, y: event.clientY, moved: false, wiping: nearWipe };
+    const from = this.at(event);
+    const kind = model.pickingCrop.value ? "crop" : this.onWipe(from[0]) ? "wipe" : "pan";
+    this.drag = { x: event.clientX, y: event.clientY, moved: false, kind, from };
     try {
       this.canvas.setPointerCapture(event.pointerId);
     } catch {
@@ -288,8 +336,14 @@ class Controller implements ViewHandle {
     const { drag } = this;
     if (drag) {
       const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
-      if (drag.wiping) {
-        model.wipe.value = Math.min(Math.max(x / this.data.width, 0), 1);
+      if (drag.kind === "wipe") {
+        const [left, right] = this.renderer.compared;
+        model.wipe.value = Math.min(Math.max((x - left) / (right - left), 0), 1);
+        drag.moved = true;
+        return;
+      }
+      if (drag.kind === "crop") {
+        model.crop.value = { view: this.name, pixels: this.between(drag.from, [x, y]) };
         drag.moved = true;
         return;
       }
@@ -312,15 +366,31 @@ class Controller implements ViewHandle {
     model.probe.value = linear
       ? { view: this.name, x: Math.floor(x), y: Math.floor(y), linear, object }
       : null;
-    const wiping =
-      model.comparison.value === "wipe" &&
-      Math.abs(x - model.wipe.value * this.data.width) * this.scale < 8 * devicePixelRatio;
-    this.canvas.style.cursor = wiping ? "ew-resize" : model.pickingWhite.value ? "crosshair" : "";
+    const picking = model.pickingWhite.value || model.pickingCrop.value;
+    this.canvas.style.cursor = picking ? "crosshair" : this.onWipe(x) ? "ew-resize" : "";
+  }
+
+  /** The pixels between two places, inside the picture. */
+  private between(a: [number, number], b: [number, number]): Crop {
+    const clamp = (x: number, most: number) => Math.min(Math.max(x, 0), most);
+    const { width, height } = this.data;
+    const [left, right] = [Math.min(a[0], b[0]), Math.max(a[0], b[0])].map((x) => Math.round(clamp(x, width)));
+    const [top, bottom] = [Math.min(a[1], b[1]), Math.max(a[1], b[1])].map((y) => Math.round(clamp(y, height)));
+    return [left!, top!, right! - left!, bottom! - top!];
   }
 
   private release(event: PointerEvent): void {
     const { drag } = this;
     this.drag = null;
+    if (drag?.kind === "crop") {
+      model.pickingCrop.value = false;
+      const [, , width, height] = model.crop.value?.pixels ?? [0, 0, 0, 0];
+      if (!drag.moved || Math.min(width, height) < LEAST_CROP) {
+        model.crop.value = null;
+        model.say("warning", `A rectangle needs at least ${LEAST_CROP} × ${LEAST_CROP} pixels; drag a larger one.`);
+      }
+      return;
+    }
     if (!drag || drag.moved || event.button !== 0) return;
     const [x, y] = this.at(event);
     if (model.pickingWhite.value) {

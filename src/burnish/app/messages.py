@@ -15,13 +15,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 2
+VERSION = 3
 """Grows when a message changes; a page that speaks another version is asked to reload."""
 
 MAXIMUM_MESSAGE_BYTES = 4 * 1024 * 1024
 """A longer message from a page closes its connection."""
 
 RGB = tuple[float, float, float]
+Crop = tuple[int, int, int, int]
+"""Pixels of a view: left, top, width, height."""
 Value = float | RGB | str
 
 
@@ -97,6 +99,30 @@ class SetCurve(ClientMessage):
 
     layer: str
     curve: CurveData | None
+
+
+@dataclass(frozen=True)
+class SetOutgoingCurve(ClientMessage):
+    """Set or, with null, remove the freehand factor on the viewing angle of "object.layer"."""
+
+    layer: str
+    curve: CurveData | None
+
+
+@dataclass(frozen=True)
+class SetModel(ClientMessage):
+    """Give "object.layer" another reflectance model, a name of Welcome.models."""
+
+    layer: str
+    model: str
+
+
+@dataclass(frozen=True)
+class SetMetal(ClientMessage):
+    """Give "object.layer" the reflectance of a metal, a name of Welcome.metals."""
+
+    layer: str
+    metal: str
 
 
 @dataclass(frozen=True)
@@ -178,10 +204,12 @@ class CompareSnapshot(ClientMessage):
 
 @dataclass(frozen=True)
 class PathTrace(ClientMessage):
-    """Path-trace a view with the present materials, in the background."""
+    """Path-trace a view with the present materials, in the background. crop: only these
+    pixels; null for all."""
 
     view: str
     spp: int
+    crop: Crop | None
 
 
 @dataclass(frozen=True)
@@ -222,7 +250,8 @@ class Denoise(ClientMessage):
 
 @dataclass(frozen=True)
 class ParameterInfo:
-    """One knob as the page draws it; see `burnish.materials.parameter.Parameter`."""
+    """One knob as the page draws it; see `burnish.materials.parameter.Parameter`. scale: how a
+    slider's travel maps to the value."""
 
     name: str
     kind: Literal["scalar", "colour", "choice"]
@@ -234,12 +263,15 @@ class ParameterInfo:
     unit: str
     choices: tuple[str, ...]
     description: str
+    scale: Literal["linear", "logarithmic", "square"]
 
 
 @dataclass(frozen=True)
 class LayerInfo:
     """A layer's fixed side. coordinate: γ's name, "none" without a curve; its maximum is in
-    degrees when the coordinate is an angle. weight: the scene's own."""
+    degrees when the coordinate is an angle. weight: the scene's own. own_model: that of the
+    scene. fresnel: what sets the reflectance at normal incidence, the parameter `color`, an
+    index of refraction `ior`, or the complex one `eta` and `k`; "" for none of them."""
 
     name: str
     model: str
@@ -247,7 +279,25 @@ class LayerInfo:
     coordinate: str
     coordinate_maximum: float
     weight: float
+    own_model: str
+    fresnel: Literal["", "color", "ior", "complex"]
     parameters: tuple[ParameterInfo, ...]
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """A reflectance model that a layer can be given."""
+
+    name: str
+    description: str
+
+
+@dataclass(frozen=True)
+class MetalInfo:
+    """A metal and its reflectance at normal incidence, linear RGB."""
+
+    name: str
+    reflectance: RGB
 
 
 @dataclass(frozen=True)
@@ -275,6 +325,7 @@ class LayerValues:
 
     values: Mapping[str, Value]
     curve: CurveData | None
+    outgoing_curve: CurveData | None
     enabled: bool
     weight: float
 
@@ -306,7 +357,8 @@ class ServerMessage:
 @dataclass(frozen=True)
 class Welcome(ServerMessage):
     """Answers Hello. path_tracer, denoiser: why there is none, or "" when there is one.
-    tone_mappings: the names that saved pictures may use."""
+    tone_mappings: the names that saved pictures may use. models_fixed: why no layer can be
+    given another model, or ""."""
 
     version: int
     session: str
@@ -316,16 +368,21 @@ class Welcome(ServerMessage):
     path_tracer: str
     denoiser: str
     tone_mappings: tuple[str, ...]
+    models: tuple[ModelInfo, ...]
+    models_fixed: str
+    metals: tuple[MetalInfo, ...]
 
 
 @dataclass(frozen=True)
 class State(ServerMessage):
     """Everything that edits change. materials holds only objects that changed since the
-    last State of this connection."""
+    last State of this connection. layers: those of every object that has other models than
+    Welcome says."""
 
     revision: int
     selected: tuple[str, ...]
     materials: Mapping[str, ObjectValues]
+    layers: Mapping[str, tuple[LayerInfo, ...]]
     history: tuple[str, ...]
     position: int
     warnings: tuple[str, ...]
@@ -344,10 +401,12 @@ class LayerCurve:
 
 @dataclass(frozen=True)
 class Curves(ServerMessage):
-    """The curves of the selected object."""
+    """The curves of the selected object. outgoing: each layer's factor on the viewing angle,
+    at t = θo / 90°."""
 
     object: str
     layers: tuple[LayerCurve, ...]
+    outgoing: tuple[LayerCurve, ...]
 
 
 @dataclass(frozen=True)
@@ -388,9 +447,10 @@ class Snapshots(ServerMessage):
 @dataclass(frozen=True)
 class Reference(ServerMessage):
     """The path-traced picture. stale: the materials have changed since. metrics: name to
-    number, of the present picture against it."""
+    number, of the present picture against it, inside the crop where there is one."""
 
     view: str
+    crop: Crop | None
     status: Literal["none", "running", "done", "failed"]
     fraction: float
     spp: int
@@ -422,13 +482,13 @@ FRAME_MAGIC = 0x4E52_5542
 
 @dataclass(frozen=True)
 class FrameHeader:
-    """The 32 bytes before a picture's pixels: eight little-endian uint32 in this order.
+    """The 40 bytes before a picture's pixels: ten little-endian uint32 in this order.
 
     kind: what it is (0 the picture, 1 the object under each pixel, 2 the other side of a
     comparison, 3 the picture denoised, for the eye alone). view: index into Welcome.views.
     codec: 0 float16 rows, 1 the same with each row's differences split into byte planes and
     deflated; object numbers are uint16, coded likewise. revision: of the state that the
-    picture shows.
+    picture shows. left, top: the view's pixel that the first one lies on.
     """
 
     magic: int
@@ -439,12 +499,15 @@ class FrameHeader:
     height: int
     frame: int
     revision: int
+    left: int
+    top: int
 
 
 CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
-    Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetEnabled, SetWeight, Solo,
-    Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot, ForgetSnapshot, CompareSnapshot,
-    PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect, Denoise,
+    Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetOutgoingCurve, SetModel,
+    SetMetal, SetEnabled, SetWeight, Solo, Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot,
+    ForgetSnapshot, CompareSnapshot, PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
+    Denoise,
 )  # fmt: skip
 
 SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
@@ -452,6 +515,6 @@ SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
 )  # fmt: skip
 
 SHARED = (
-    CurveData, ParameterInfo, LayerInfo, ObjectData, ViewData, LayerValues, ObjectValues,
-    SnapshotData, LayerCurve, FrameHeader,
+    CurveData, ParameterInfo, LayerInfo, ModelInfo, MetalInfo, ObjectData, ViewData, LayerValues,
+    ObjectValues, SnapshotData, LayerCurve, FrameHeader,
 )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from burnish.core.errors import InvalidValue, MissingFile
-from burnish.core.types import Float32, Progress
+from burnish.core.types import Crop, Float32, Progress
 from burnish.materials.lights import LightGroup, each
 from burnish.transport.basis import Basis, State
 from burnish.transport.frozen import Frozen
@@ -163,9 +163,10 @@ class BundleTruth:
         spp: int,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Float32:
-        """float32 [height, width, 3], linear RGB."""
-        return self.tracer.render(state, view, spp, seed, progress)
+        """float32 [height, width, 3], linear RGB; with a crop, of its pixels alone."""
+        return self.tracer.render(state, view, spp, seed, progress, crop)
 
     def light_pictures(
         self, state: State, view: str, groups: Sequence[LightGroup], spp: int, seed: int

@@ -23,5 +23,8 @@ RGB = tuple[float, float, float]
 Value = float | RGB | str
 """A parameter's value: a scalar, a linear RGB colour or a choice."""
 
+Crop = tuple[int, int, int, int]
+"""Pixels of a view: left, top, width, height."""
+
 Progress = Callable[[float, str], None]
 """Called with the fraction done, 0 to 1, and what is being done. May raise to cancel."""

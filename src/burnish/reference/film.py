@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import Float32, Float64, Progress
+from burnish.core.types import Crop, Float32, Float64, Progress
 from burnish.scene.views import View
 
 LANES = 1 << 20
@@ -51,20 +51,28 @@ class Estimate:
 
 
 def trace(
-    radiance: Radiance, view: View, spp: int, seed: int = 0, progress: Progress | None = None
+    radiance: Radiance,
+    view: View,
+    spp: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+    crop: Crop | None = None,
 ) -> Estimate:
     """Estimate a view's picture with `spp` paths per pixel, rounded up to an even number.
 
-    progress: called after each pass; may raise to cancel. Raises InvalidValue.
+    progress: called after each pass; may raise to cancel. crop: only these pixels; what falls
+    on them is the same light. Raises InvalidValue.
     """
     if spp < 2:
         raise InvalidValue(f"spp must be at least 2, one for each half; got {spp}")
-    camera = Camera(view)
+    camera = Camera(view, crop)
+    _, _, width, height = camera.crop
+    pixels_all = width * height
     per_half = -(-spp // 2)
-    bands = _bands(view.pixels, LANES)
-    sums = [_Sums.zeros(view.pixels) for _ in range(2)]
+    bands = _bands(pixels_all, LANES)
+    sums = [_Sums.zeros(pixels_all) for _ in range(2)]
     streams = np.random.SeedSequence(seed)
-    total, done = 2 * per_half * view.pixels, 0
+    total, done = 2 * per_half * pixels_all, 0
     for half in sums:
         for first, pixels in bands:
             left = per_half
@@ -76,15 +84,26 @@ def trace(
                 done += count * pixels
                 if progress is not None:
                     progress(done / total, "path tracing")
-    shape = (view.height, view.width, 3)
+    shape = (height, width, 3)
     return _estimate(sums[0], sums[1], shape, 2 * per_half)
 
 
 class Camera:
-    """Draws camera rays of a view's pixels through its filter and sums what they see."""
+    """Draws camera rays of a view's pixels through its filter and sums what they see.
 
-    def __init__(self, view: View) -> None:
+    crop: the pixels that are counted, row by row; all of the view's without it. Raises
+    InvalidValue when it does not lie in the view.
+    """
+
+    def __init__(self, view: View, crop: Crop | None = None) -> None:
         self.view = view
+        self.crop = (0, 0, view.width, view.height) if crop is None else crop
+        left, top, width, height = self.crop
+        if not (0 <= left < left + width <= view.width and 0 <= top < top + height <= view.height):
+            raise InvalidValue(
+                f"a crop must lie inside the view of {view.width} × {view.height} pixels; got "
+                f"{width} × {height} at ({left}, {top})"
+            )
         self.filter = _FilterSampler(view.filter)
         self.sampler = mi.load_dict({"type": "independent"})
 
@@ -100,8 +119,10 @@ class Camera:
         self.sampler.seed(seed, lanes)
         index = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, count)
         index += dr.opaque(mi.UInt32, first)
-        width = self.view.width
-        corner = mi.Point2f(mi.Float(index % width), mi.Float(index // width))
+        left, top, width, _ = self.crop
+        across = dr.opaque(mi.UInt32, width)
+        corner = mi.Point2f(mi.Float(index % across), mi.Float(index // across))
+        corner += mi.Point2f(dr.opaque(mi.Float, left), dr.opaque(mi.Float, top))
         ray, weight, colour = self._ray(corner)
         light, emission = radiance(self.sampler, ray)
         light, emission = (light - emission) * colour, emission * colour

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import RGB, Float32, Progress
+from burnish.core.types import RGB, Crop, Float32, Progress
 from burnish.materials.layer import MaterialState
 from burnish.materials.lights import factors, without_lights
 from burnish.reference.bsdf import layered_bsdf, wrapped
@@ -52,9 +52,10 @@ class PathTracedTruth:
         spp: int,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Float32:
-        """The picture: float32 [height, width, 3], linear RGB."""
-        return self.estimate(state, view, spp, seed, progress).image
+        """The picture, or its crop: float32 [height, width, 3], linear RGB."""
+        return self.estimate(state, view, spp, seed, progress, crop).image
 
     def estimate(
         self,
@@ -63,10 +64,12 @@ class PathTracedTruth:
         spp: int = 64,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Estimate:
         """The picture with its halves, its variance and its directly seen emission.
 
-        view: the scene's first when None. spp: at least 2. Raises UnknownName, InvalidValue.
+        view: the scene's first when None. spp: at least 2. crop: only these pixels. Raises
+        UnknownName, InvalidValue.
         """
         scene = self.mi_scene(state)
 
@@ -74,7 +77,7 @@ class PathTracedTruth:
             light, _, _ = self._integrator.sample(scene, sampler, ray)
             return mi.Color3f(light), directly_seen(scene, ray)
 
-        return trace(radiance, self.scene.view(view), spp, seed, progress)
+        return trace(radiance, self.scene.view(view), spp, seed, progress, crop)
 
     def mi_scene(self, state: State) -> Any:
         """The mi.Scene with the materials and lights of a state; built again when they change."""

@@ -28,6 +28,7 @@ from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.materials.lights import PREFIX, LightGroup, LightState, lights_in
 from burnish.materials.lights import resolve as resolve_light
 from burnish.materials.names import WEIGHT, resolve
+from burnish.materials.reflectance import asymmetry
 from burnish.materials.replacement import replaced
 from burnish.runtime.renderer import Renderer
 from burnish.session.brushes import Brush, BrushName, brushes
@@ -45,6 +46,7 @@ from burnish.transport.pack import BlockSource
 from burnish.transport.protocols import Denoiser, LightPictures, Truth
 
 _ALBEDO_SLACK = 1e-3
+_ASYMMETRY_SLACK = 0.02
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,10 @@ class Session:
         """The material of an editable object, with the models that it has now, else None."""
         material = self._materials.get(object_id)
         return None if material is None else material.as_in(self._history.state[object_id])
+
+    def own_material(self, object_id: str) -> Material | None:
+        """The material of an editable object with the scene's own models, else None."""
+        return self._materials.get(object_id)
 
     def on_change(self, callback: Callable[[], None]) -> Callable[[], None]:
         """Call `callback` after every change of the state, such as to save automatically.
@@ -681,6 +687,19 @@ class Session:
 
 
 def _material_warnings(object_id: str, material: Material, state: MaterialState) -> list[str]:
+    """What is odd about one material, one line each."""
+    lopsided = asymmetry(material, state)
+    if lopsided <= _ASYMMETRY_SLACK:
+        return _energy_warnings(object_id, material, state)
+    return [
+        f"{object_id} is not reciprocal (with light and eye exchanged it reflects "
+        f"{100 * lopsided:.0f} % differently): no real surface does that; mend its viewing curve "
+        "or its falloffs",
+        *_energy_warnings(object_id, material, state),
+    ]
+
+
+def _energy_warnings(object_id: str, material: Material, state: MaterialState) -> list[str]:
     settled = conserved(material, state)
     total = sum(albedo(layer, settled.layers[layer.name]) for layer in material.layers)
     worst = float(np.max(total))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from burnish.core.types import Float32, Progress
+from burnish.core.types import Crop, Float32, Progress
 from burnish.materials.lights import LightGroup
 from burnish.transport.basis import State
 
@@ -64,6 +64,7 @@ class Truth(Protocol):
         spp: int,
         seed: int = 0,
         progress: Progress | None = None,
+        crop: Crop | None = None,
     ) -> Float32:
-        """float32 [height, width, 3], linear RGB."""
+        """float32 [height, width, 3], linear RGB; with a crop, of its pixels alone."""
         ...

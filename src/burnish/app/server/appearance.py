@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from PIL import Image
 
 from burnish.core.types import AnyArray, Float64
-from burnish.materials.coefficients import albedo, conserved
+from burnish.materials.coefficients import albedo, conserved, outgoing
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
-from burnish.materials.maths import Vector, numpy_maths
+from burnish.materials.maths import Vector
+from burnish.materials.reflectance import reflectance
 
 _SIZE = 104
 _AMBIENT = 0.18
@@ -21,42 +23,35 @@ _BOX_HALF = 0.32
 _BOX_RADIANCE = 7.0
 
 
-def reflectance(material: Material, state: MaterialState, wi: Vector, wo: Vector) -> Float64:
+def reflected(material: Material, state: MaterialState, wi: Vector, wo: Vector) -> Float64:
     """ρ(ωi, ωo) of all layers that are on, delta lobes left out: float64 [n, 3], linear RGB.
 
-    wi, wo: unit directions in the local frame, components [n]. Freehand curves are in it.
+    wi, wo: unit directions in the local frame, components [n]; 0 where one is below the
+    surface. Freehand curves are in it, that on the viewing angle too.
     """
-    settled = conserved(material, state)
     shape = np.broadcast_shapes(np.shape(wi.z), np.shape(wo.z))
     result = np.zeros((*shape, 3))
     lit = np.broadcast_to((np.asarray(wi.z) > 1e-4) & (np.asarray(wo.z) > 1e-4), shape)
     wi = Vector(*(np.broadcast_to(c, shape)[lit] for c in wi))
     wo = Vector(*(np.broadcast_to(c, shape)[lit] for c in wo))
-    for layer in material.layers:
-        result[lit] += _layer_reflectance(layer, settled.layers[layer.name], wi, wo)
+    result[lit] = reflectance(material, state, wi, wo).T
     return result
-
-
-def _layer_reflectance(layer: Layer, state: LayerState, wi: Vector, wo: Vector) -> Float64:
-    if not state.enabled or state.weight == 0.0:
-        return np.zeros((len(wi.z), 3))
-    model, values, fixed = layer.model, state.values, layer.fixed
-    quotients = model.quotients(numpy_maths, wi, wo, fixed)
-    amplitudes = model.amplitudes(values, fixed)
-    total = sum(
-        np.broadcast_to(q, wi.z.shape)[:, None] * a[None, :]
-        for q, a in zip(quotients, amplitudes, strict=True)
-    )
-    t = np.broadcast_to(model.coordinate(numpy_maths, wi, wo, fixed), wi.z.shape)
-    result: Float64 = np.asarray(total * profile(layer, state, t) * state.weight)
-    outgoing = model.outgoing(wo.z, values, fixed)
-    return result if outgoing is None else result * outgoing
 
 
 def profile(layer: Layer, state: LayerState, t: AnyArray) -> Float64:
     """f(t) with the freehand edit on it: float64 [len(t), 3]."""
     base = base_profile(layer, state, t)
     return base if state.curve is None else np.asarray(state.curve.apply(t, base))
+
+
+def outgoing_factors(layer: Layer, state: LayerState, t: Float64) -> tuple[Float64, Float64]:
+    """s(θo) at t = θo / 90°, as the parameters make it and as edited: each float64 [len(t), 3]."""
+    cosine = np.cos(t * (np.pi / 2))
+    both = []
+    for own in (replace(state, outgoing_curve=None), state):
+        factor = outgoing(layer, own, cosine, delta=False)
+        both.append(np.ones((len(t), 3)) * (1.0 if factor is None else factor))
+    return both[0], both[1]
 
 
 def base_profile(layer: Layer, state: LayerState, t: AnyArray) -> Float64:
@@ -72,7 +67,7 @@ def polar(
     theta = np.linspace(-90.0, 90.0, count)
     wi = _in_plane(np.full(count, -np.clip(theta_i, 0.0, 89.0)))
     wo = _in_plane(theta)
-    return theta, reflectance(material, state, wi, wo) * wi.z[:, None]
+    return theta, reflected(material, state, wi, wo) * wi.z[:, None]
 
 
 def _in_plane(degrees: Float64) -> Vector:
@@ -92,7 +87,7 @@ def ball(material: Material, state: MaterialState) -> str:
     for light in lights:
         wi = _local(frame, np.broadcast_to(light, normals.shape))
         cosine = np.maximum(wi.z, 0.0)[:, None]
-        radiance += reflectance(material, state, wi, wo) * cosine * _BOX_RADIANCE * solid_angle
+        radiance += reflected(material, state, wi, wo) * cosine * _BOX_RADIANCE * solid_angle
     settled = conserved(material, state)
     room = _AMBIENT * (0.65 + 0.35 * normals[:, 1:2])
     radiance += room * total_albedo(material, settled)
@@ -112,9 +107,9 @@ def _delta(material: Material, settled: MaterialState, cos_theta_o: Float64) -> 
     for layer in material.layers:
         state = settled.layers[layer.name]
         if layer.delta and state.enabled:
-            factor = layer.model.delta_outgoing(cos_theta_o, state.values, layer.fixed)
+            factor = outgoing(layer, state, cos_theta_o, delta=True)
             weight = layer.model.delta(state.values, layer.fixed) * state.weight
-            result += np.asarray(factor) * weight
+            result += weight if factor is None else np.asarray(factor) * weight
     return result
 
 

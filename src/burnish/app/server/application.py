@@ -7,6 +7,7 @@ server's own origin get an answer: other sites open in the same browser cannot r
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import logging
 import secrets
 import tempfile
@@ -126,7 +127,7 @@ class Connection:
 
     async def edits(self, request: Request) -> Response:
         """The edits file."""
-        text = await asyncio.wrap_future(self._engine.call(self._engine.edits_text))
+        text = await asyncio.wrap_future(self._engine.call(self._engine.autosave.text))
         name = _file_name(self._engine.session.name) + "-edits.json"
         return _download(text.encode(), "application/json", name)
 
@@ -135,12 +136,12 @@ class Connection:
         from burnish.app.pictures import write_picture
 
         session, engine = self._engine.session, self._engine
-        view = request.query_params.get("view", engine.views[0])
+        view = request.query_params.get("view", engine.pages.views[0])
         end = time.monotonic() + _TRACING_SECONDS
         try:
             while True:
-                call = engine.call(lambda: engine.finished_picture(view))
-                if (image := await asyncio.wrap_future(call)) is not None:
+                call = asyncio.wrap_future(engine.finished_picture(view))
+                if (image := await call) is not None:
                     break
                 if time.monotonic() > end:
                     return PlainTextResponse("The picture is still being traced.\n", 503)
@@ -168,7 +169,8 @@ class Connection:
         if not isinstance(hello, m.Hello) or hello.version != m.VERSION:
             await socket.close(4409, "this page is of another version; reload it")
             return
-        box = Mailbox(hello.client, asyncio.get_running_loop())
+        here = socket.client is not None and _is_loopback(socket.client.host)
+        box = Mailbox(hello.client, asyncio.get_running_loop(), here)
         self._engine.attach(box)
         writer = asyncio.create_task(_write(socket, box))
         try:
@@ -203,12 +205,12 @@ class Connection:
                     self._engine.submit(box, message)
 
     def _watch(self, box: Mailbox, message: m.Watch, names: tuple[str, ...]) -> None:
-        unknown = [name for name in names if name not in self._engine.views]
+        unknown = [name for name in names if name not in self._engine.pages.views]
         if unknown:
             box.put(m.Refused(message.seq, f"there is no view {unknown[0]!r}"))
             return
-        box.watch(frozenset(self._engine.views.index(name) for name in names))
-        self._engine.show_objects(box)
+        box.watch(frozenset(self._engine.pages.index(name) for name in names))
+        self._engine.watch(box)
 
 
 async def _receive(socket: WebSocket) -> m.ClientMessage:
@@ -236,6 +238,13 @@ async def _write(socket: WebSocket, box: Mailbox) -> None:
                 await socket.send_text(encode(item))
     except (WebSocketDisconnect, RuntimeError) as error:
         log.debug("connection of %s ended: %s", box.client, error)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _download(data: bytes, kind: str, name: str) -> Response:

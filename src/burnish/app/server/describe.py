@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,34 @@ from burnish.app.messages import (
     LayerCurve,
     LayerInfo,
     LayerValues,
+    MetalInfo,
+    ModelInfo,
     ObjectData,
     ObjectValues,
     ParameterInfo,
     Value,
     ViewData,
 )
-from burnish.app.server.appearance import base_profile, profile, total_albedo
+from burnish.app.server.appearance import (
+    base_profile,
+    outgoing_factors,
+    profile,
+    total_albedo,
+)
+from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Float64
 from burnish.materials.coefficients import conserved
 from burnish.materials.curve import Curve
+from burnish.materials.fresnel import METALS, takes_normal_reflectance
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.model import Model
 from burnish.materials.parameter import Parameter
+from burnish.materials.replacement import choices
 from burnish.session import ObjectInfo, Session
 from burnish.transport.frozen import Transport
 
 _CURVE_SAMPLES = 129
+_OUTGOING_SAMPLES = 46
 
 
 def parameter(info: Parameter, initial: Value) -> ParameterInfo:
@@ -47,10 +60,13 @@ def parameter(info: Parameter, initial: Value) -> ParameterInfo:
         unit=info.unit,
         choices=info.choices,
         description=info.description,
+        scale=info.scale,
     )
 
 
-def layer(item: Layer, initial: LayerState, knobs: tuple[Parameter, ...]) -> LayerInfo:
+def layer(
+    item: Layer, initial: LayerState, knobs: tuple[Parameter, ...], own_model: str
+) -> LayerInfo:
     """A layer's model, coordinate and knobs; a linked parameter is another layer's knob."""
     model = item.model
     angle = model.coordinate_name.startswith(("theta", "gamma", "alpha", "beta"))
@@ -58,25 +74,76 @@ def layer(item: Layer, initial: LayerState, knobs: tuple[Parameter, ...]) -> Lay
     return LayerInfo(
         name=item.name,
         model=model.name,
-        description=(type(model).__doc__ or "").strip().split("\n\n")[0],
+        description=summary(type(model)),
         coordinate=model.coordinate_name if item.bins > 1 else "none",
         coordinate_maximum=math.degrees(maximum) if angle else maximum,
         weight=initial.weight,
+        own_model=own_model,
+        fresnel=fresnel(model),
         parameters=tuple(
             parameter(info, initial.values.get(info.name, info.default)) for info in knobs
         ),
     )
 
 
+def layers(material: Material, own: Material | None = None) -> tuple[LayerInfo, ...]:
+    """The layers of a material; own: the scene's, where that has other models."""
+    first = own or material
+    return tuple(
+        layer(
+            item,
+            material.initial.layers[item.name],
+            material.parameters(item.name),
+            first.layer(item.name).model.name,
+        )
+        for item in material.layers
+    )
+
+
 def scene_object(info: ObjectInfo, material: Material | None) -> ObjectData:
     """An object with its layers; one that cannot be edited has none."""
-    layers: tuple[LayerInfo, ...] = ()
-    if material is not None:
-        layers = tuple(
-            layer(item, material.initial.layers[item.name], material.parameters(item.name))
-            for item in material.layers
-        )
-    return ObjectData(info.id, info.editable and bool(layers), info.reason or "", layers)
+    found = () if material is None else layers(material)
+    return ObjectData(info.id, info.editable and bool(found), info.reason or "", found)
+
+
+def models() -> tuple[ModelInfo, ...]:
+    """The models that a layer can be given."""
+    return tuple(ModelInfo(name, summary(kind)) for name, kind in choices().items())
+
+
+def metals() -> tuple[MetalInfo, ...]:
+    """The metals that a layer can be made of by name."""
+    return tuple(MetalInfo(item.name, item.reflectance) for item in METALS)
+
+
+def metal_values(model: Model, name: str) -> dict[str, Value]:
+    """The parameters that make a model reflect like a metal. Raises UnknownName, InvalidValue."""
+    found = {item.name: item for item in METALS}
+    if name not in found:
+        raise UnknownName("metal", name, found)
+    metal, kind = found[name], fresnel(model)
+    if kind == "complex":
+        return {"color": (1.0, 1.0, 1.0), "eta": metal.n, "k": metal.k}
+    if kind == "color":
+        return {"color": metal.reflectance}
+    raise InvalidValue(
+        f"model {model.name} has no metal's reflectance; choose cook-torrance-conductor for it"
+    )
+
+
+def fresnel(model: Model) -> Literal["", "color", "ior", "complex"]:
+    """What sets a model's reflectance at normal incidence."""
+    names = {item.name for item in model.parameters}
+    if {"eta", "k"} <= names:
+        return "complex"
+    if takes_normal_reflectance(model):
+        return "color"
+    return "ior" if "ior" in names else ""
+
+
+def summary(kind: type[Model]) -> str:
+    """The first paragraph of a model's manual page."""
+    return (kind.__doc__ or "").strip().split("\n\n")[0]
 
 
 def view(name: str, transport: Transport) -> ViewData:
@@ -88,10 +155,16 @@ def values(material: Material, state: MaterialState) -> ObjectValues:
     """What is set on an object, and how much it reflects."""
     return ObjectValues(
         layers={
-            name: LayerValues(dict(item.values), curve(item.curve), item.enabled, item.weight)
+            name: LayerValues(
+                dict(item.values),
+                curve(item.curve),
+                curve(item.outgoing_curve),
+                item.enabled,
+                item.weight,
+            )
             for name, item in state.layers.items()
         },
-        changed=state != material.initial,
+        changed=bool(state.replacements) or state != material.initial,
         albedo=_rgb(total_albedo(material, conserved(material, state))),
     )
 
@@ -103,28 +176,32 @@ def curve(item: Curve | None) -> CurveData | None:
     return CurveData(item.mode, item.interpolation, item.points, item.values)
 
 
-def curve_from(data: CurveData) -> Curve:
+def curve_from(data: CurveData | None) -> Curve | None:
     """The other way. Raises InvalidValue for lists that make no curve."""
-    return Curve(data.t, data.values, data.mode, data.interpolation)
+    return None if data is None else Curve(data.t, data.values, data.mode, data.interpolation)
 
 
-def curves(material: Material, state: MaterialState) -> tuple[LayerCurve, ...]:
-    """The profiles of an object's layers, denser near the highlight."""
-    result = []
+def curves(
+    material: Material, state: MaterialState
+) -> tuple[tuple[LayerCurve, ...], tuple[LayerCurve, ...]]:
+    """The profiles of an object's layers, denser near the highlight, and their factors on the
+    viewing angle."""
+    linked = material.linked(state)
+    profiles, factors = [], []
+    even = np.linspace(0.0, 1.0, _OUTGOING_SAMPLES)
     for item in material.layers:
-        if item.model.coordinate_name == "none" or item.bins == 1:
-            continue
-        t = np.linspace(0.0, 1.0, _CURVE_SAMPLES) ** max(item.spacing, 1.0)
-        own = state.layers[item.name]
-        result.append(
-            LayerCurve(
-                layer=item.name,
-                t=tuple(t.tolist()),
-                base=rgb_list(base_profile(item, own, t)),
-                result=rgb_list(profile(item, own, t)),
-            )
-        )
-    return tuple(result)
+        own = linked.layers[item.name]
+        if item.model.coordinate_name != "none" and item.bins > 1:
+            t = np.linspace(0.0, 1.0, _CURVE_SAMPLES) ** max(item.spacing, 1.0)
+            base, result = base_profile(item, own, t), profile(item, own, t)
+            profiles.append(_curve_of(item.name, t, base, result))
+        base, result = outgoing_factors(item, own, even)
+        factors.append(_curve_of(item.name, even, base, result))
+    return tuple(profiles), tuple(factors)
+
+
+def _curve_of(name: str, t: Float64, base: Float64, result: Float64) -> LayerCurve:
+    return LayerCurve(name, tuple(t.tolist()), rgb_list(base), rgb_list(result))
 
 
 def object_numbers(session: Session, view: str, order: Mapping[str, int]) -> NDArray[np.uint16]:

@@ -1,4 +1,4 @@
-"""Pictures as binary messages: a 32-byte header, then rows of float16 (or uint16).
+"""Pictures as binary messages: a 40-byte header, then rows of float16 (or uint16).
 
 On a fast link the rows go out as they are. On a slow one each row is written as
 differences of the numbers' bit patterns (neighbours in a picture share sign and exponent),
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from burnish.app.messages import FRAME_MAGIC
 from burnish.core.types import Float32
 
-HEADER = struct.Struct("<8I")
+HEADER = struct.Struct("<10I")
 RAW, DEFLATED = 0, 1
 _LARGEST_HALF = 65504.0
 
@@ -38,7 +38,8 @@ class Frame:
     """One picture on its way to the pages.
 
     pixels: uint16 [height, width, channels]: float16 bit patterns of linear RGB, or object
-    numbers. Encoded once, however many pages take it.
+    numbers. Encoded once, however many pages take it. corner: the view's pixel (x, y) that the
+    first one lies on.
     """
 
     kind: Kind
@@ -46,6 +47,7 @@ class Frame:
     number: int
     revision: int
     pixels: NDArray[np.uint16]
+    corner: tuple[int, int] = (0, 0)
 
     @property
     def slot(self) -> tuple[Kind, int]:
@@ -55,7 +57,15 @@ class Frame:
     def _header(self, codec: int) -> bytes:
         height, width, _ = self.pixels.shape
         return HEADER.pack(
-            FRAME_MAGIC, self.kind, self.view, codec, width, height, self.number, self.revision
+            FRAME_MAGIC,
+            self.kind,
+            self.view,
+            codec,
+            width,
+            height,
+            self.number,
+            self.revision,
+            *self.corner,
         )
 
     @cached_property
@@ -91,7 +101,7 @@ def _planes(pixels: NDArray[np.uint16]) -> bytes:
 
 def read(message: bytes) -> Frame:
     """A frame back from its message; what the page does, for tests and other clients."""
-    magic, kind, view, codec, width, height, number, revision = HEADER.unpack_from(message)
+    magic, kind, view, codec, width, height, number, revision, *corner = HEADER.unpack_from(message)
     if magic != FRAME_MAGIC:
         raise ValueError("not a frame")
     channels = 1 if kind == Kind.OBJECTS else 3
@@ -102,4 +112,4 @@ def read(message: bytes) -> Frame:
         pixels = np.cumsum(rows, axis=1, dtype=np.uint16)
     else:
         pixels = np.frombuffer(body, "<u2").reshape(height, width, channels).astype(np.uint16)
-    return Frame(Kind(kind), view, number, revision, pixels)
+    return Frame(Kind(kind), view, number, revision, pixels, (corner[0], corner[1]))

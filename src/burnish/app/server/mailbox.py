@@ -31,16 +31,23 @@ FRAMES_IN_FLIGHT = 2
 _NOTICES = 32
 _SLOW_LINK = 12e6
 """Bytes a second; a link that never does better gets deflated frames."""
+_SLOW_LOOPBACK = 2e6
+"""The same for this machine's own address: a busy machine is no slow link, where deflating
+would make things worse, but a tunnel to another one may be."""
 _TELLING_BYTES = 200_000
 """Smaller frames say more about the way's length than about its width."""
-_REMEMBERED = 5
+_REMEMBERED = 8
 
 
 class Mailbox:
     """One page's outgoing side. All methods may be called from any thread."""
 
-    def __init__(self, client: str, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self, client: str, loop: asyncio.AbstractEventLoop, loopback: bool = False
+    ) -> None:
+        """loopback: whether the page, or its tunnel's end, is on this machine."""
         self.client = client
+        self._slow = _SLOW_LOOPBACK if loopback else _SLOW_LINK
         self._loop = loop
         self._wake = asyncio.Event()
         self._lock = threading.Lock()
@@ -123,7 +130,7 @@ class Mailbox:
     @property
     def deflate(self) -> bool:
         """Whether the link is so slow that making frames smaller makes them faster."""
-        return len(self._speeds) == _REMEMBERED and max(self._speeds) < _SLOW_LINK
+        return len(self._speeds) == _REMEMBERED and max(self._speeds) < self._slow
 
     @property
     def _behind(self) -> bool:

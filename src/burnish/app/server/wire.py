@@ -92,11 +92,14 @@ def _check(hint: Any, value: object, where: str) -> Any:
             return value
         raise InvalidValue(f"{where} must be one of {arguments}; got {_short(value)}")
     if origin in (Union, types.UnionType):
-        for choice in arguments:
+        # Null goes first: what is wrong with a value is told by the others
+        for choice in sorted(arguments, key=lambda item: item is not types.NoneType):
             try:
                 return _check(choice, value, where)
             except InvalidValue as error:
                 problem = error
+        if types.NoneType in arguments:
+            raise InvalidValue(f"{problem} (or null)")
         raise problem
     if origin is tuple:
         if not isinstance(value, list) or len(value) > _LONGEST:
