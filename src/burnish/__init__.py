@@ -41,6 +41,7 @@ __all__ = [
     "fit",
     "fit_steps",
     "load",
+    "load_materialx",
     "mitsuba_plugin",
     "open_bundle",
     "path_trace",
@@ -292,6 +293,23 @@ def export(
     from burnish.app.export import export
 
     return export(scene, path, materials, format=format, objects=objects, plugin=plugin)
+
+
+def load_materialx(
+    session: Session, path: str | Path, object: str | None = None, material: str | None = None
+) -> list[str]:
+    """Give an object the OpenPBR values of a MaterialX file, as one undo step.
+
+    object: without it, every object that the file's look names. material: which of the file's,
+    where it has several. Returns what could not be held, one line each.
+
+    >>> burnish.load_materialx(session, "gold.mtlx", "teapot")         # doctest: +SKIP
+
+    Raises MissingFile, InvalidValue, UnknownName.
+    """
+    from burnish.session.materialx import load_materialx
+
+    return load_materialx(session, path, object, material)
 
 
 def mitsuba_plugin() -> None:

@@ -40,6 +40,20 @@ def parse_value(text: str) -> Value:
     return red, green, blue
 
 
+def parse_look(text: str) -> tuple[str | None, str, str | None]:
+    """Object, file and material of one `--materialx [OBJECT=]FILE[#MATERIAL]`.
+
+    Object and material are None where they are left out. Raises InvalidValue.
+    """
+    object_id, equals, rest = text.rpartition("=")
+    file, _, material = rest.partition("#")
+    if not file.strip() or (equals and not object_id.strip()):
+        raise InvalidValue(
+            f"--materialx takes [OBJECT=]FILE[#MATERIAL], like teapot=looks.mtlx#gold; got {text!r}"
+        )
+    return object_id.strip() or None, file.strip(), material.strip() or None
+
+
 def parse_bins(text: str | None) -> dict[str, int]:
     """Numbers of bins by object or layer: "A=256,B.specular=16". Raises InvalidValue."""
     result: dict[str, int] = {}

@@ -66,6 +66,14 @@ def change_options(command: Command) -> Command:
     """The options that say which edits are made."""
     for option in (
         click.option(
+            "--materialx",
+            "looks",
+            metavar="[OBJECT=]FILE[#MATERIAL]",
+            multiple=True,
+            help="OpenPBR values of a MaterialX file, on OBJECT or on those that its look names; "
+            "before every --set.",
+        ),
+        click.option(
             "--edits",
             metavar="FILE",
             help="Edits that a session has saved; made before every --set.",

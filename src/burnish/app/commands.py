@@ -13,6 +13,7 @@ from burnish.app import opening
 from burnish.app.assignments import (
     parse_assignments,
     parse_bins,
+    parse_look,
     parse_resolution,
     parse_series,
     split_list,
@@ -112,6 +113,7 @@ def render(
     view: str | None,
     edits: str | None,
     assignments: Sequence[str],
+    looks: Sequence[str],
     spp: int,
     resolution: str | None,
     seed: int,
@@ -124,14 +126,14 @@ def render(
     place, tone = check_destination(output), ToneMap(tonemap, exposure)
     if opening.names_bundle(source):
         session = opening.session_for(opening.open_bundle(source))
-        make_edits(session, edits, assignments)
+        make_edits(session, edits, assignments, looks)
         # With nothing selected every object is contracted at once
         session.select()
         image = session.frame(view)
     else:
         scene = burnish.load(source, resolution=parse_resolution(resolution))
         session = opening.edits_for(scene)
-        make_edits(session, edits, assignments)
+        make_edits(session, edits, assignments, looks)
         with progress_bar("path tracing") as progress:
             image = session.path_trace(view, spp, seed, progress)
     write_picture(place, image, tone)
@@ -143,6 +145,7 @@ def compare(
     view: str | None,
     edits: str | None,
     assignments: Sequence[str],
+    looks: Sequence[str],
     scene: str | None,
     spp: int,
     seed: int,
@@ -165,7 +168,7 @@ def compare(
         with progress_bar("bake") as progress:
             bundle = burnish.bake(loaded, spp=spp, progress=progress)
     session = opening.session_for(bundle)
-    make_edits(session, edits, assignments)
+    make_edits(session, edits, assignments, looks)
     tracer = PathTracedTruth(loaded, None if all_bounces else bundle.basis.bounces)
     with progress_bar("path tracing") as progress:
         found = compare_with_truth(
@@ -205,6 +208,7 @@ def export(
     output: str,
     edits: str | None,
     assignments: Sequence[str],
+    looks: Sequence[str],
     kind: str | None,
     objects: str | None,
     plugin: bool,
@@ -217,12 +221,12 @@ def export(
     if opening.names_bundle(source):
         bundle = opening.open_bundle(source)
         session = opening.session_for(bundle)
-        make_edits(session, edits, assignments)
+        make_edits(session, edits, assignments, looks)
         loaded = opening.scene_of(bundle, scene)
     else:
         loaded = burnish.load(source)
         session = opening.edits_for(loaded)
-        make_edits(session, edits, assignments)
+        make_edits(session, edits, assignments, looks)
     chosen = split_list(objects) or None
     written = burnish.export(
         loaded, output, session.materials, format=kind, objects=chosen, plugin=plugin
@@ -242,11 +246,18 @@ def examples() -> None:
         click.echo(f"{example.name:{width}}  {example.description}")
 
 
-def make_edits(session: Session, edits: str | None, assignments: Sequence[str]) -> None:
-    """Make the edits of a file, then those of the command line."""
+def make_edits(
+    session: Session, edits: str | None, assignments: Sequence[str], looks: Sequence[str] = ()
+) -> None:
+    """Make the edits of a file, of MaterialX files, then those of the command line."""
+    from burnish.session.materialx import load_materialx
+
     parsed = parse_assignments(assignments)
     if edits is not None:
         session.load(edits)
+    for object_id, file, material in map(parse_look, looks):
+        for remark in load_materialx(session, file, object_id, material):
+            click.echo(remark, err=True)
     for path, value in parsed:
         session.set(path, value)
 

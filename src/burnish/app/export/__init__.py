@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 FORMATS: Mapping[str, str] = {
     ".xml": "mitsuba",
+    ".mtlx": "materialx",
     ".binary": "merl",
 }
 """Format by suffix."""
@@ -108,6 +109,10 @@ def _write(
         from burnish.app.export.mitsuba_xml import write_xml
 
         return write_xml(scene, state, place, plugin)
+    if kind == "materialx":
+        from burnish.app.export.materialx import write_materialx
+
+        return write_materialx(pairs, place)
     from burnish.app.export.merl import write_tables
 
     return write_tables(pairs, place)

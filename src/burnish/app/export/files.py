@@ -102,6 +102,10 @@ class Textures:
                 return {**texture, **tints}
         return self._baked([(texture, tint)])
 
+    def baked(self, texture: Description) -> dict[str, Any]:
+        """A texture evaluated over the unit square of uv, as a bitmap that repeats."""
+        return self._baked([(texture, (1.0, 1.0, 1.0))])
+
     def _tinted_value(self, value: Any, tint: RGB) -> Any:
         """A constant colour times a tint, or None where it is none."""
         if isinstance(value, (int, float)):
