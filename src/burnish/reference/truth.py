@@ -14,6 +14,7 @@ from burnish.materials.layer import MaterialState
 from burnish.materials.lights import factors, without_lights
 from burnish.reference.bsdf import layered_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
+from burnish.reference.painted import painted_bsdf
 from burnish.scene import Scene, SceneObject
 
 State = Mapping[str, MaterialState]
@@ -94,13 +95,20 @@ class PathTracedTruth:
         mixed = factors(state)
         if (edited, mixed) != self._state:
             bsdfs = {
-                object_id: edited_bsdf(self.scene.object(object_id), item)
+                object_id: self._bsdf(self.scene.object(object_id), item)
                 for object_id, item in edited.items()
             }
             changed = bsdfs or mixed
             self._scene = self.scene.with_bsdfs(bsdfs, mixed) if changed else self.scene.mi_scene
             self._state = edited, mixed
         return self._scene
+
+    def _bsdf(self, item: SceneObject, state: MaterialState) -> Any:
+        """The mi.BSDF of an object, its paint in textures. Raises InvalidValue."""
+        if not state.strokes:
+            return edited_bsdf(item, state)
+        shapes = self.scene.mi_scene.shapes()
+        return painted_bsdf(item, state, [shapes[k] for k in item.shapes])
 
 
 def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
