@@ -19,7 +19,7 @@ from burnish.scene import Scene, load
 from burnish.scene.examples import catalogue
 from burnish.transport.basis import Basis, State, initial_state
 from tests.precompute import worlds
-from tests.precompute.pictures import accumulator, look, pictures, same
+from tests.precompute.pictures import Look, accumulator, pictures, same
 from tests.reference.worlds import lambert
 
 
@@ -111,7 +111,7 @@ def test_a_mix_is_mitsuba_with_scaled_emitters(
     state = mixed_state(basis, **lights)
     truth = PathTracedTruth(loaded, bounces=3).estimate(state, spp=2048, seed=5)
     right, wrong = pictures(
-        loaded, basis, [look(state), look(initial_state(basis.objects))], spp=2048, per_pass=64
+        loaded, basis, [Look(state), Look(initial_state(basis.objects))], spp=2048, per_pass=64
     )
     assert same(right, truth).passed, str(same(right, truth))
     assert not same(wrong, truth).passed

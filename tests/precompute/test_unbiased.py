@@ -17,7 +17,7 @@ from burnish.scene import Scene, load
 from burnish.transport.basis import initial_state
 from tests.precompute import worlds
 from tests.precompute.machinery import projected, verdict, with_materials
-from tests.precompute.pictures import look, mistaken, pictures, same
+from tests.precompute.pictures import Look, mistaken, pictures, same
 from tests.reference.worlds import blinn, edited, initial, lambert
 
 
@@ -27,8 +27,8 @@ def test_an_all_diffuse_box_is_mitsuba_s() -> None:
     truth = PathTracedTruth(scene, bounces=4).estimate(initial(scene), spp=8192, seed=5)
     basis = basis_for(scene, None, (1, 1, 1, 1))
     state = initial_state(basis.objects)
-    wrong = mistaken(state, variable=(basis.index("back"), ""))
-    right, tampered = pictures(scene, basis, [look(state), wrong], spp=8192, per_pass=64)
+    wrong = mistaken(basis, state, basis.index("back"), 0)
+    right, tampered = pictures(scene, basis, [Look(state), wrong], spp=8192, per_pass=64)
     result = same(right, truth)
     assert result.relative_sigma < 0.02
     assert result.passed, str(result)
@@ -80,7 +80,7 @@ def test_every_edit_is_traced_without_bias_by_the_same_samples() -> None:
         },
     ]
     for ours, state in zip(
-        pictures(scene, basis, [look(state) for state in states], spp=2048), states, strict=True
+        pictures(scene, basis, [Look(state) for state in states], spp=2048), states, strict=True
     ):
         result = same(ours, projected(scene, basis, state, spp=2048))
         assert result.passed, str(result)

@@ -13,19 +13,35 @@ import re
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from burnish.compare import ZTest, sheet
+from burnish.compare import sheet
 from burnish.compare.metrics import Metrics
-from burnish.core.types import AnyArray, Float32
+from burnish.core.types import AnyArray, Float32, Float64
 from burnish.core.version import __version__
 
 FOLDER = Path(__file__).resolve().parents[2] / "build" / "verify"
 PROPERTY = "figure"
+RELATIVE_SIGMA = 0.02
+"""Of the median pixel, in a test for noise alone (DESIGN, section 6)."""
+
+
+class Verdict(Protocol):
+    """A statistical test of two pictures, such as `ZTest`."""
+
+    @property
+    def p(self) -> float: ...
+    @property
+    def significance(self) -> float: ...
+    @property
+    def passed(self) -> bool: ...
+    @property
+    def relative_sigma(self) -> float: ...
+    def p_values(self) -> Float64: ...
 
 
 @dataclass
@@ -50,17 +66,17 @@ class Figures:
     def at_least(self, what: str, value: float, limit: float) -> bool:
         return self._check(what, value, f"≥ {limit:.4g}", value >= limit)
 
-    def equal(self, what: str, test: ZTest, ours: AnyArray, theirs: AnyArray) -> bool:
-        """A Z-test that must not tell two pictures apart."""
-        limit = f"p > {test.significance:g}"
-        if self._check(what, test.p, limit, test.passed):
+    def equal(self, what: str, test: Verdict, ours: AnyArray, theirs: AnyArray) -> bool:
+        """A test that must not tell two pictures apart, by pictures clean enough for it."""
+        self.at_most(f"{what}: median relative σ", test.relative_sigma, RELATIVE_SIGMA)
+        if self._check(what, test.p, f"p > {test.significance:g}", test.passed):
             return True
-        self._keep_ztest(what, test, ours, theirs)
+        self._keep_test(what, test, ours, theirs)
         self.broken[-1] += f" ({test})"
         return False
 
-    def different(self, what: str, test: ZTest) -> bool:
-        """A Z-test that must tell two pictures apart."""
+    def different(self, what: str, test: Verdict) -> bool:
+        """A test that must tell two pictures apart."""
         return self._check(what, test.p, f"p ≤ {test.significance:g}", not test.passed)
 
     def close(
@@ -100,7 +116,7 @@ class Figures:
         print(f"{what}: {shown} {limit} {verdict}")
         self.properties.append((PROPERTY, (what, shown, limit, verdict)))
 
-    def _keep_ztest(self, what: str, test: ZTest, ours: AnyArray, theirs: AnyArray) -> None:
+    def _keep_test(self, what: str, test: Verdict, ours: AnyArray, theirs: AnyArray) -> None:
         """Ours, theirs and the p-values (white: 1, black: 10⁻⁶ and below), side by side."""
         scale = 0.8 / max(float(np.quantile(theirs, 0.95)), 1e-9)
         shown = [np.clip(np.clip(x * scale, 0, 1) ** (1 / 2.2), 0, 1) for x in (ours, theirs)]
@@ -158,6 +174,9 @@ class Report:
             f"{platform.machine()}, {os.cpu_count()} cores. {good} of {len(self.tests)} tests "
             f"passed in {total / 60:.1f} minutes.",
         ]
+        lines += ["", "| test | outcome | seconds |", "|---|---|---|"]
+        for node, outcome, seconds, _ in self.tests:
+            lines += [f"| {node.partition('::')[2]} | {outcome} | {seconds:.0f} |"]
         for node, outcome, seconds, figures in self.tests:
             file, _, test = node.partition("::")
             lines += ["", f"## {test}: {outcome}", ""]

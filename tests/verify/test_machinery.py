@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -10,12 +10,13 @@ import pytest
 from burnish.materials.layer import MaterialState
 from burnish.precompute.plan import basis_for
 from burnish.precompute.symbolic import NUMERIC_BINS
-from burnish.reference import PathTracedTruth
+from burnish.reference import Estimate, PathTracedTruth
 from burnish.scene import Scene, load
-from burnish.transport.basis import initial_state
+from burnish.transport.basis import Basis, State, initial_state
 from tests.precompute import worlds
 from tests.precompute.machinery import projected, with_materials
-from tests.precompute.pictures import look, mistaken, pictures, same
+from tests.precompute.pictures import Look, mistaken, pictures, same
+from tests.precompute.verdict import filters, verdict_of
 from tests.reference.worlds import blinn, edited, initial, lambert
 from tests.verify.report import Figures
 
@@ -24,68 +25,85 @@ pytestmark = pytest.mark.verify
 SIDE, SPP = 48, 8192
 
 
+def judged(
+    figures: Figures,
+    scene: Scene,
+    basis: Basis,
+    state: State,
+    theirs: Estimate,
+    *,
+    layers: Sequence[str],
+    spp: int,
+    per_pass: int,
+) -> None:
+    """Our picture is theirs; with the e_j of one object's layer 2 % too large it is not.
+
+    layers: those whose e_j is made too large, in every object. spp: of ours.
+    """
+    places = [
+        (i, k)
+        for i, item in enumerate(basis.objects)
+        for k, layer in enumerate(item.material.layers)
+        if layer.name in layers
+    ]
+    look = Look(state)
+    wrong = [mistaken(basis, state, i, k) for i, k in places]
+    weights = filters(scene, basis, look, wrong, spp=spp // 8, per_pass=per_pass)
+    right, *others = pictures(scene, basis, [look, *wrong], spp=spp, per_pass=per_pass)
+    verdict = verdict_of(right, theirs, weights)
+    figures.equal("equal", verdict, right.mean, theirs.reflected)
+    figures.note("samples that found no row", right.lost)
+    for n, (i, k) in enumerate(places):
+        item = basis.objects[i]
+        found = verdict_of(others[n], theirs, weights)
+        name = f"e_j of {item.id}.{item.material.layers[k].name} times 1.02"
+        figures.different(name, found)
+        figures.note(f"{name}: z", float(np.abs(found.along[n]).max()))
+
+
 def test_the_diffuse_cornell_box(figures: Figures) -> None:
     """Cornell box, all diffuse, four bounces, against Mitsuba's `path`."""
     scene = load("cornell-box", resolution=(96, 96))
     truth = PathTracedTruth(scene, bounces=4).estimate(initial(scene), spp=SPP, seed=5)
     basis = basis_for(scene, None, (1, 1, 1, 1))
     state = initial_state(basis.objects)
-    names = [item.id for item in basis.objects]
-    looks = [look(state)] + [mistaken(state, variable=(i, "")) for i in range(len(names))]
-    right, *wrong = pictures(scene, basis, looks, spp=SPP, per_pass=64)
-    figures.equal("Z-test", same(right, truth), right.mean, truth.reflected)
-    figures.at_most("median relative σ", same(right, truth).relative_sigma, 0.02)
-    figures.note("samples that found no row", right.lost)
-    for name, picture in zip(names, wrong, strict=True):
-        # The boxes light little besides the floor's shadows; the walls must be seen
-        if name not in ("small-box", "large-box"):
-            figures.different(f"e_j of {name} times 1.02", same(picture, truth))
-        else:
-            figures.note(f"e_j of {name} times 1.02: p", same(picture, truth).p)
+    judged(figures, scene, basis, state, truth, layers=["diffuse"], spp=SPP, per_pass=64)
     figures.settle()
 
 
 def glossy_cornell(scene: Scene) -> dict[str, MaterialState]:
-    """Every surface with some gloss, of different sharpness."""
+    """Every surface light grey with some gloss, of different sharpness."""
     state = initial(scene)
     exponents = np.geomspace(10, 300, len(state))
     for (name, item), exponent in zip(state.items(), exponents, strict=True):
-        state[name] = edited(
-            item, "specular", weight=1.0, exponent=float(exponent), color=(0.3, 0.3, 0.3)
+        glossy = edited(
+            item, "specular", weight=1.0, exponent=float(exponent), color=(0.25, 0.25, 0.25)
         )
+        state[name] = edited(glossy, "diffuse", color=(0.7, 0.7, 0.7))
     return state
 
 
-@pytest.mark.parametrize("series", [(64, 1, 1, 1), (16, 8, 1)], ids=str)
-def test_the_glossy_cornell_box(figures: Figures, series: tuple[int, ...]) -> None:
+@pytest.mark.parametrize(
+    ("series", "spp"), [((64, 1, 1, 1), 4 * SPP), ((16, 8, 1), 8 * SPP)], ids=str
+)
+def test_the_glossy_cornell_box(figures: Figures, series: tuple[int, ...], spp: int) -> None:
     """Seven glossy editable objects against the reference with the same bins and series."""
     scene = load("cornell-box", resolution=(24, 24))
     basis = basis_for(scene, None, series)
     state = glossy_cornell(scene)
-    floor = basis.index("floor")
-    wrong = mistaken(state, variable=(floor, ""))
-    ours, tampered = pictures(scene, basis, [look(state), wrong], spp=SPP, per_pass=64)
-    theirs = projected(scene, basis, state, spp=SPP)
-    figures.equal("Z-test", same(ours, theirs), ours.mean, theirs.reflected)
-    figures.at_most("median relative σ", same(ours, theirs).relative_sigma, 0.02)
-    if not basis.coarse:
-        figures.different("e_j of floor times 1.02", same(tampered, theirs))
-    figures.note("samples that found no row", ours.lost)
+    theirs = projected(scene, basis, state, spp=2 * spp)
+    judged(figures, scene, basis, state, theirs, layers=["diffuse"], spp=spp, per_pass=256)
     figures.settle()
 
 
-def test_one_coarse_number_off_is_seen(figures: Figures) -> None:
-    """Series (32, 8, 1): each object's diffuse energy at the second encounter times 1.02."""
+def test_glosses_that_see_each_other(figures: Figures) -> None:
+    """Series (32, 8, 1): the e_j of each matte and each glossy layer at the second encounter."""
     scene = worlds.glossy(SIDE)
     basis = basis_for(scene, None, (32, 8, 1))
     state = initial_state(basis.objects)
-    diffuse = [w for w, (_, layer, _) in enumerate(basis.coarse) if layer == 0]
-    looks = [look(state)] + [mistaken(state, coarse=w) for w in diffuse]
-    right, *wrong = pictures(scene, basis, looks, spp=SPP, per_pass=64)
     theirs = projected(scene, basis, spp=2 * SPP)
-    figures.equal("Z-test", same(right, theirs), right.mean, theirs.reflected)
-    for item, picture in zip(basis.objects, wrong, strict=True):
-        figures.different(f"e_j of {item.id} times 1.02", same(picture, theirs))
+    layers = ["diffuse", "specular"]
+    judged(figures, scene, basis, state, theirs, layers=layers, spp=SPP, per_pass=64)
     figures.settle()
 
 
@@ -103,6 +121,7 @@ WORLDS: list[tuple[Callable[[int], Scene], tuple[int, ...]]] = [
     (worlds.three_layers, (32, 1, 1, 1)),
     (worlds.three_layers, (16, 16)),
     (worlds.metals, (64, 1, 1)),
+    (worlds.metals, (32, 8, 1)),
     (worlds.rough_metals, (32, 8, 1)),
     (worlds.under_small_lights, (32, 8, 1)),
     (worlds.under_an_environment, (32, 8, 1)),
@@ -118,12 +137,15 @@ def test_every_kind_of_scene(
     figures: Figures, world: Callable[[int], Scene], series: tuple[int, ...]
 ) -> None:
     """One thing that can go wrong, against the reference with the same bins and series."""
-    scene = world(SIDE)
+    # A mirror that shows a lamp in a rough metal: the same samples in fewer pixels, each of
+    # which then has enough bright paths for its mean to be normal
+    side = SIDE // 2 if world is worlds.metals else SIDE
+    spp = SPP // 2 * (SIDE // side) ** 2
+    scene = world(side)
     basis = basis_for(scene, None, series)
-    ours = pictures(scene, basis, spp=SPP // 2, per_pass=64)[0]
-    theirs = projected(scene, basis, spp=SPP)
+    ours = pictures(scene, basis, spp=spp, per_pass=64)[0]
+    theirs = projected(scene, basis, spp=2 * spp)
     figures.equal("Z-test", same(ours, theirs), ours.mean, theirs.reflected)
-    figures.at_most("median relative σ", same(ours, theirs).relative_sigma, 0.02)
     figures.note("samples that found no row", ours.lost)
     figures.settle()
 
@@ -136,7 +158,6 @@ def test_settled_materials(figures: Figures) -> None:
     theirs = with_materials(scene, materials, 4, SPP)
     ours = pictures(scene, basis_for(scene, ["floor"], (1,) * 4), spp=SPP, per_pass=64)[0]
     figures.equal("Z-test", same(ours, theirs), ours.mean, theirs.reflected)
-    figures.at_most("median relative σ", same(ours, theirs).relative_sigma, 0.02)
     figures.settle()
 
 
