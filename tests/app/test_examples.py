@@ -15,6 +15,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = {
     "before_and_after": ["out.png", "--side", "24", "--spp", "16"],
     "match_a_picture": ["out.png", "--side", "24", "--spp", "64"],
+    "painting": ["out.png", "--width", "32", "--spp", "16"],
     "own_model": ["out.png", "--side", "24", "--spp", "16"],
 }
 """Arguments under which an example is quick."""
