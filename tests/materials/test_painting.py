@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from burnish.core.errors import InvalidValue
+from burnish.materials.coefficients import coefficients
+from burnish.materials.layer import Layer, LayerState
 from burnish.materials.painting.canvas import Canvas, gaussian
 from burnish.materials.painting.stroke import Dab, Edit, Stroke, narrow
+from burnish.materials.painting.varied import interpolation
+from burnish.materials.registry import MODELS
+from burnish.materials.travel import Travel
 
 SIDE = 40
 UP = (0.0, 0.0, 1.0)
@@ -228,3 +234,25 @@ def test_a_damaged_stroke_is_refused(change: dict[str, object]) -> None:
     data = Stroke("b", (TARGET,), (dab(0.5, 0.5),)).to_json() | change
     with pytest.raises(InvalidValue):
         Stroke.from_json(data)
+
+
+@pytest.mark.parametrize("name", sorted(name for name in MODELS if "measured" not in name))
+def test_between_nodes_coefficients_are_interpolated_closely(name: str) -> None:
+    model = MODELS[name]()
+    values = {item.name: item.validate(item.default) for item in model.parameters}
+    layer = Layer.starting_at("own", model, values, bins=32)
+    rng = np.random.default_rng(8)
+    for item in layer.parameters:
+        if item.kind != "scalar":
+            continue
+        wanted = Travel(item).at(rng.random(5))
+        index, share, nodes = interpolation(item, wanted)
+        for k, value in enumerate(wanted):
+            own = LayerState({**values, item.name: float(value)})
+            exact = coefficients(layer, own)
+            mixed = sum(
+                s * coefficients(layer, replace(own, values={**values, item.name: float(nodes[i])}))
+                for i, s in zip(index[k], share[k], strict=True)
+            )
+            # What docs/painting.md promises, of the largest coefficient
+            assert np.abs(mixed - exact).max() <= 5e-4 * np.abs(exact).max()

@@ -293,6 +293,20 @@ class VariedObject:
         return Mixture(state.layers, state.conserve, state.strokes, albedos, coarse)
 
 
+def interpolation(parameter: Parameter, values: Float64) -> tuple[Int64, Float32, Float64]:
+    """How values of a scalar lie between nodes: which four, their shares, and all nodes.
+
+    values: float64 [m]; gives int [m, 4], float32 [m, 4] and float64 [nodes].
+    """
+    travel = Travel(parameter)
+    own = np.asarray(values, np.float64)[:, None]
+    axis = _Axis(
+        ("", ""), None, travel.nodes(NODES), np.zeros(0), own, travel.position(NODES), True
+    )
+    index, share = axis.corners()
+    return index[:, :, 0], share[:, :, 0], axis.all_nodes
+
+
 def painted_values(
     material: Material, state: MaterialState, place: Place, item: PaintedMap
 ) -> Float64:
