@@ -1,11 +1,11 @@
 // The editor's page.
-import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import * as model from "./model";
 import { listen } from "./keys";
 import { Compare } from "./panels/compare";
 import { Help } from "./panels/help";
 import { History } from "./panels/history";
+import { LightList, Lights } from "./panels/lights";
 import { Material } from "./panels/material";
 import { Mix } from "./panels/mix";
 import { Objects } from "./panels/objects";
@@ -14,13 +14,14 @@ import { TopBar } from "./panels/topbar";
 import { View } from "./viewer/view";
 
 function App() {
-  const tab = useSignal<"material" | "mix">("material");
+  const tab = model.tab;
   const views = model.welcome.value?.views ?? [];
   return (
     <div class={model.panelsHidden.value ? "app bare" : "app"}>
       <TopBar />
       <aside class="left" aria-label="Scene">
         <Objects />
+        <LightList />
         <Compare />
         <History />
       </aside>
@@ -44,8 +45,11 @@ function App() {
           <button role="tab" aria-selected={tab.value === "mix"} onClick={() => (tab.value = "mix")}>
             Mix
           </button>
+          <button role="tab" aria-selected={tab.value === "lights"} onClick={() => (tab.value = "lights")}>
+            Lights
+          </button>
         </div>
-        {tab.value === "material" ? <Material /> : <Mix />}
+        {tab.value === "material" ? <Material /> : tab.value === "mix" ? <Mix /> : <Lights />}
       </aside>
       <StatusBar />
       <Help />

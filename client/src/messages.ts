@@ -91,6 +91,20 @@ export interface ObjectValues {
   albedo: [number, number, number];
 }
 
+/** A light, or group of lights that are its members, and what is set on it. path: where
+ * SetValue and Reset find it, such as "light:lamp", with ".intensity" and so on behind it;
+ * on and solo take "on" and "off". changed: whether it is not as the scene has it. */
+export interface LightData {
+  path: string;
+  name: string;
+  members: string[];
+  intensity: number;
+  tint: [number, number, number];
+  on: boolean;
+  solo: boolean;
+  changed: boolean;
+}
+
 /** A kept look. */
 export interface SnapshotData {
   id: number;
@@ -333,6 +347,15 @@ export interface State {
   saved: boolean;
 }
 
+/** The mix of the lights. maximum: of an intensity. text: what is not exact about the
+ * picture's mix at the moment, or "". */
+export interface Lights {
+  type: "Lights";
+  items: LightData[];
+  maximum: number;
+  text: string;
+}
+
 /** The curves of the selected object. outgoing: each layer's factor on the viewing angle,
  * at t = θo / 90°. */
 export interface Curves {
@@ -434,6 +457,7 @@ export type ToServer =
 export type FromServer =
   | Welcome
   | State
+  | Lights
   | Curves
   | Appearance
   | Progress

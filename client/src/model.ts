@@ -9,6 +9,7 @@ import type {
   Crop,
   FromServer,
   LayerInfo,
+  Lights,
   ObjectData,
   ObjectValues,
   Progress,
@@ -32,6 +33,7 @@ export const materials = signal<Record<string, ObjectValues>>({});
 export const curves = signal<Curves | null>(null);
 export const appearance = signal<Appearance | null>(null);
 export const progress = signal<Progress | null>(null);
+export const lights = signal<Lights | null>(null);
 export const snapshots = signal<SnapshotData[]>([]);
 export const reference = signal<Reference | null>(null);
 
@@ -56,6 +58,8 @@ export const comparedWith = signal("");
 export const wipe = signal(0.5);
 
 export const hovered = signal("");
+/** Which panel is open beside the picture. */
+export const tab = signal<"material" | "mix" | "lights">("material");
 export const panelsHidden = signal(false);
 export const helpOpen = signal(false);
 export const histogramOpen = signal(true);
@@ -157,6 +161,9 @@ function onMessage(message: FromServer): void {
       break;
     case "Appearance":
       appearance.value = message;
+      break;
+    case "Lights":
+      lights.value = message;
       break;
     case "Progress":
       progress.value = message;

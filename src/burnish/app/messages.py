@@ -341,6 +341,22 @@ class ObjectValues:
 
 
 @dataclass(frozen=True)
+class LightData:
+    """A light, or group of lights that are its members, and what is set on it. path: where
+    SetValue and Reset find it, such as "light:lamp", with ".intensity" and so on behind it;
+    on and solo take "on" and "off". changed: whether it is not as the scene has it."""
+
+    path: str
+    name: str
+    members: tuple[str, ...]
+    intensity: float
+    tint: RGB
+    on: bool
+    solo: bool
+    changed: bool
+
+
+@dataclass(frozen=True)
 class SnapshotData:
     """A kept look."""
 
@@ -387,6 +403,16 @@ class State(ServerMessage):
     position: int
     warnings: tuple[str, ...]
     saved: bool
+
+
+@dataclass(frozen=True)
+class Lights(ServerMessage):
+    """The mix of the lights. maximum: of an intensity. text: what is not exact about the
+    picture's mix at the moment, or ""."""
+
+    items: tuple[LightData, ...]
+    maximum: float
+    text: str
 
 
 @dataclass(frozen=True)
@@ -511,10 +537,10 @@ CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
 )  # fmt: skip
 
 SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
-    Welcome, State, Curves, Appearance, Progress, Snapshots, Reference, Notice, Refused,
+    Welcome, State, Lights, Curves, Appearance, Progress, Snapshots, Reference, Notice, Refused,
 )  # fmt: skip
 
 SHARED = (
     CurveData, ParameterInfo, LayerInfo, ModelInfo, MetalInfo, ObjectData, ViewData, LayerValues,
-    ObjectValues, SnapshotData, LayerCurve, FrameHeader,
+    ObjectValues, LightData, SnapshotData, LayerCurve, FrameHeader,
 )  # fmt: skip

@@ -18,6 +18,7 @@ With other materials the old shares stay until new ones are there: an approximat
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -33,9 +34,11 @@ from burnish.transport.protocols import LightPictures
 PASS_SAMPLES = 16
 """Samples per pixel after which new shares are shown: a second's work at most."""
 
+WAITED_SAMPLES = 64
+"""Samples per pixel of shares that a picture waits for."""
+
 ENOUGH_SAMPLES = 256
-"""Samples per pixel at which shares are good enough: what is left of their noise multiplies
-the picture by a few per cent at worst, where two lights of unlike factors meet."""
+"""Samples per pixel up to which shares are refined in the background."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class LightMix:
         self._ratios: dict[tuple[str, bool], tuple[object, Float32]] = {}
         self._changed = threading.Condition()
         self._busy = False
+        self._next_pass = 0.0
         self._failure: tuple[dict[str, MaterialState], str] | None = None
 
     def factors(self, state: State) -> Float64 | None:
@@ -93,11 +97,21 @@ class LightMix:
         with self._changed:
             return view in self._images or self._failed(materials) is not None
 
+    def prepare(self, view: str, state: State) -> None:
+        """Trace in the background what the first change of the mix will want."""
+        if self.background and self.tracer is not None and len(self.groups) > 1:
+            with self._changed:
+                begun = view in self._images or self._failed(without_lights(state)) is not None
+            if not begun:
+                self._refine(view, without_lights(state))
+
     def notice(self, view: str, state: State) -> str:
         """What is not exact about a mixed picture, in a sentence, or ""."""
         images = self._images.get(view)
-        if self.factors(state) is None or images is None:
+        if self.factors(state) is None:
             return ""
+        if images is None:
+            return "What each light adds is being traced; the picture waits for it."
         if images.materials != without_lights(state):
             return "Lights are mixed by their shares under earlier materials; new ones are traced."
         return ""
@@ -138,7 +152,7 @@ class LightMix:
                 return images
         images = self._images.get(view)
         if images is None or images.materials != materials:
-            images = self._images[view] = self._traced(view, materials, ENOUGH_SAMPLES, 0)
+            images = self._images[view] = self._traced(view, materials, WAITED_SAMPLES, 0)
         return images
 
     def _traced(
@@ -165,7 +179,8 @@ class LightMix:
             images = self._images.get(view)
             same = images is not None and images.materials == materials
             enough = same and images is not None and images.samples >= ENOUGH_SAMPLES
-            if self._busy or enough or self._failed(materials) is not None:
+            later = same and time.monotonic() < self._next_pass
+            if self._busy or enough or later or self._failed(materials) is not None:
                 return
             self._busy = True
             samples = images.samples if same and images is not None else 0
@@ -176,7 +191,7 @@ class LightMix:
         threading.Thread(target=work, name="burnish-lights", daemon=True).start()
 
     def _pass(self, view: str, materials: dict[str, MaterialState], seed: int) -> None:
-        failure, fresh = "", None
+        failure, fresh, start = "", None, time.monotonic()
         try:
             fresh = self._traced(view, materials, PASS_SAMPLES, seed)
         except BurnishError as error:
@@ -185,6 +200,8 @@ class LightMix:
             failure = f"{type(error).__name__}: {error}"
         with self._changed:
             self._busy = False
+            # What only refines leaves two thirds of the time to the picture itself
+            self._next_pass = 3 * time.monotonic() - 2 * start
             if fresh is None:
                 self._failure = materials, failure
             else:

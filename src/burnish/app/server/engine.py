@@ -156,6 +156,7 @@ class Engine:
             for box, item in batch:
                 self._carry_out(box, item)
             self._out.state()
+            self._out.lights()
             self._out.frames()
             self._out.curves()
             self._out.progress()
@@ -169,6 +170,7 @@ class Engine:
         """What waits for a pause."""
         self._out.draw_plots()
         self._out.denoise()
+        self._out.prepare_lights()
         self._out.compare()
         if time.monotonic() - self._out.last_edit > _AUTOSAVE_SECONDS:
             self._save_automatically()

@@ -15,6 +15,7 @@ from burnish.app import messages as m
 from burnish.app.server import describe
 from burnish.app.server.autosave import Autosave
 from burnish.app.server.frames import Frame, Kind
+from burnish.app.server.lights import lights as describe_lights
 from burnish.app.server.mailbox import Mailbox
 from burnish.app.server.pages import Pages
 from burnish.app.server.plots import Plots, Subject
@@ -29,6 +30,9 @@ log = logging.getLogger("burnish.editor")
 
 REST_SECONDS = 0.15
 """So long after an edit what is slow begins: plots, denoising, comparing."""
+LIGHTS_AFTER = 64
+"""Samples per pixel of a live view after which its lights are traced, unless they are mixed
+before."""
 _CURVE_SECONDS = 0.06
 _PROGRESS_SECONDS = 0.25
 
@@ -68,9 +72,12 @@ class Publishing:
         self._frame_times: deque[float] = deque(maxlen=120)
         self._theta_i = 45.0
         self._state_key: object = None
+        self._lights: m.Lights | None = None
         self._plot_key: object = None
         self._curves_key: object = None
         self._curves_due = self._progress_due = 0.0
+        # Pictures do not wait for a better mix
+        session.light_mix.background = True
         self._progress: m.Progress | None = None
         self.last_edit = 0.0
 
@@ -81,8 +88,10 @@ class Publishing:
 
     @property
     def changed(self) -> bool:
-        """Whether any material differs from the scene's own, as last published."""
-        return any(values.changed for values in self._values.values())
+        """Whether any material or light differs from the scene's own, as last published."""
+        lights = self._lights.items if self._lights else ()
+        edited = any(values.changed for values in self._values.values())
+        return edited or any(light.changed for light in lights)
 
     def welcome(self, box: Mailbox) -> None:
         """Everything that a new page needs."""
@@ -107,7 +116,7 @@ class Publishing:
         box.put(self._tracing.message(self._session.revision))
         if self._progress is not None:
             box.put(self._progress)
-        self._state_key = self._plot_key = self._curves_key = None
+        self._state_key = self._plot_key = self._curves_key = self._lights = None
         for index, view in enumerate(self._pages.views):
             if box.watches(index):
                 self._show_all(box, view)
@@ -158,6 +167,15 @@ class Publishing:
             self._pages.to_all(self._tracing.message(session.revision))
         self._state_key = key
 
+    def lights(self) -> None:
+        """What is set on the lights, and how exact their mix is."""
+        views = self._pages.views
+        shown = [view for i, view in enumerate(views) if self._pages.watch(i)] or views[:1]
+        message = describe_lights(self._session, shown[0])
+        if message != self._lights:
+            self._lights = message
+            self._pages.to_all(message)
+
     def _renew(self, name: str) -> None:
         """Describe an object's material anew if it has changed."""
         state = self._session.state[name]
@@ -185,7 +203,7 @@ class Publishing:
     def _frame_key(self, view: str) -> object:
         transport = self._session.views[view]
         look = self._look_key() if samples_of(transport) >= 0 else self._session.revision
-        return look, transport.revision
+        return look, transport.revision, self._session.light_mix.revision
 
     def wanted(self) -> bool:
         """Whether some page waits for a view that has changed and can be shown."""
@@ -252,7 +270,7 @@ class Publishing:
         if (samples := samples_of(transport)) < 0:
             return
         if self.at_rest:
-            meter.take(self._look_key(), samples, image, transport.emission)
+            meter.take(self._look_key(), samples, image, self._session.emission(view))
         else:
             meter.edited(self._look_key())
 
@@ -273,6 +291,13 @@ class Publishing:
                 and self._session.ready(view)
             ):
                 self._resting.begin(view, key, revision, self._session.frame(view), now)
+
+    def prepare_lights(self) -> None:
+        """Where a worker traces and has little left to do, what each light adds."""
+        for index, view in enumerate(self._pages.views):
+            samples = samples_of(self._session.views[view])
+            if samples >= LIGHTS_AFTER and self._pages.watch(index):
+                self._session.light_mix.prepare(view, self._session.state)
 
     def cleaned(self, done: Cleaned | str) -> None:
         """A cleaned picture is there, or why there is none."""
@@ -350,8 +375,11 @@ class Publishing:
         view = min(shown, key=lambda name: samples_of(self._session.views[name]))
         samples = samples_of(self._session.views[view])
         noise = self._meters[view].noise(samples)
+        text = _progress_text(samples, view in self._waiting)
+        if view in self._waiting and self._session.light_mix.notice(view, self._session.state):
+            text = "tracing the lights …"
         return m.Progress(
-            text=_progress_text(samples, view in self._waiting),
+            text=text,
             fraction=1.0 if samples < 0 else -1.0,
             frames_per_second=round(rate, 1),
             samples=samples,

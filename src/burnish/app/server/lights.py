@@ -1,0 +1,33 @@
+"""The lights of the session in the words of the messages."""
+
+from __future__ import annotations
+
+from burnish.app import messages as m
+from burnish.materials.lights import PARAMETERS, lights_in
+from burnish.session import Session
+
+
+def lights(session: Session, view: str) -> m.Lights:
+    """What can be mixed, what is set, and what is not exact about it in a view."""
+    changed = lights_in(session.state)
+    maximum = next(item.maximum for item in PARAMETERS if item.name == "intensity")
+    items = []
+    for group in session.lights:
+        light = session.light(group.name)
+        items.append(
+            m.LightData(
+                path=group.key,
+                name=group.name,
+                members=group.members,
+                intensity=light.intensity,
+                tint=light.tint,
+                on=light.on,
+                solo=light.solo,
+                changed=group.key in changed,
+            )
+        )
+    return m.Lights(
+        items=tuple(items),
+        maximum=maximum,
+        text=session.light_mix.notice(view, session.state),
+    )
