@@ -21,6 +21,7 @@ from burnish.app.server import EditorServer, application
 from burnish.app.worker import Mapped
 from burnish.core.errors import SceneError
 from burnish.core.types import Float32
+from burnish.materials.fresnel import METALS
 from burnish.runtime.tonemap import ToneMap
 from burnish.session import Session
 from tests.editor.browser import chromium, keep, pixels
@@ -181,6 +182,47 @@ def test_select_drag_denoise(
     assert np.abs(shown(page) - as_displayed(in_engine(server, session.frame))).max() <= 2
     toggle.click()
     studio_of(session).pause(False)
+
+
+def test_another_model_and_a_metal(page: Any, server: EditorServer, session: Session) -> None:
+    if page.get_by_role("button", name="Denoise at rest").get_attribute("aria-pressed") == "true":
+        page.get_by_role("button", name="Denoise at rest").click()
+    page.get_by_role("option", name="large-box").click()
+    panel = page.get_by_role("region", name="Material of large-box")
+    panel.wait_for()
+    chooser = panel.get_by_role("combobox", name="Model of specular")
+    assert chooser.input_value() == "blinn-phong"
+    chooser.select_option("cook-torrance-conductor")
+    page.get_by_text("being traced anew").wait_for()
+    panel.get_by_role("slider", name="Roughness").wait_for()
+    assert session.material("large-box").layer("specular").model.name == "cook-torrance-conductor"  # type: ignore[union-attr]
+    panel.get_by_role("combobox", name="Metal").select_option("gold")
+    boxes = panel.get_by_role("textbox", name="Weight", exact=True)
+    boxes.nth(1).fill("1")
+    boxes.nth(1).press("Enter")
+    boxes.nth(1).blur()
+    until(lambda: session.state["large-box"].layers["specular"].weight == 1.0)
+    eta = session.get("large-box.specular.eta")
+    assert eta == next(metal.n for metal in METALS if metal.name == "gold")
+    until(lambda: view_of(session).samples >= 29)
+    image = rest(page, server)
+    assert np.abs(shown(page) - as_displayed(image)).max() <= 2
+    assert panel.get_by_role("combobox", name="Metal").input_value() == "gold"
+    keep(page, "another-model")
+
+    # The path tracer renders the new model: the gold reflects as warmly in both
+    studio_of(session).pause(False)
+    truth = session.truth.render(dict(session.state), "view", 64, 1)  # type: ignore[union-attr]
+    emission = view_of(session).emission
+    both = [(picture - emission).mean(axis=(0, 1)) for picture in (image, truth)]
+    assert both[0] == pytest.approx(both[1], rel=0.05)
+
+    # Undone step by step, the scene's own model is back
+    for _ in range(3):
+        page.keyboard.press("Control+z")
+    until(lambda: not session.state["large-box"].replacements)
+    panel.get_by_role("slider", name="Exponent").wait_for()
+    until(lambda: view_of(session).samples >= 13)
 
 
 def test_pictures_come_by_themselves_and_outlive_the_worker(

@@ -264,7 +264,7 @@ export function CurveEditor({ name, coordinate, maximum, data, curve, set }: Cur
               cx={xOf(t)}
               cy={yOf(handleValues[i]![shownChannel]!)}
               r={4}
-              tabIndex={0}
+              tabindex={0}
               role="slider"
               aria-label={`Point ${i + 1} at ${(t * maximum).toFixed(1)} degrees`}
               aria-valuenow={Number(handleValues[i]![shownChannel]!.toPrecision(4))}

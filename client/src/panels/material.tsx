@@ -37,16 +37,19 @@ export function Material() {
           Reflects <b>{new Set(percent).size === 1 ? `${percent[0]} %` : percent.map((p) => `${p} %`).join(" · ")}</b>
         </p>
       )}
-      {warnings.map((text) => (
-        <p key={text} class="warning" role="status">
-          {text}
-        </p>
-      ))}
       {values &&
         object.layers.map((info) => {
           const layer = values.layers[info.name];
           return layer && <Layer key={`${object.id}.${info.name}`} path={`${object.id}.${info.name}`} info={info} values={layer} count={object.layers.length} />;
         })}
+      {/* Below everything, so that no control moves away from a hand that drags it. */}
+      <div class="warnings" role="status">
+        {warnings.map((text) => (
+          <p key={text} class="warning">
+            {text}
+          </p>
+        ))}
+      </div>
     </section>
   );
 }

@@ -133,6 +133,14 @@ class Mailbox:
         return len(self._speeds) == _REMEMBERED and max(self._speeds) < self._slow
 
     @property
+    def busy(self) -> bool:
+        """Whether something waits to be sent, or a picture to be shown."""
+        with self._lock:
+            return bool(
+                self._frames or self._messages or self._words or self._state or self._in_flight
+            )
+
+    @property
     def _behind(self) -> bool:
         """Whether the page has yet to show what it was sent; it is not woken until then."""
         return len(self._in_flight) >= FRAMES_IN_FLIGHT
