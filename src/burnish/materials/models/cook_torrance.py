@@ -25,7 +25,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -34,6 +34,8 @@ from burnish.core.types import Float64
 from burnish.materials.maths import Maths, dot, half_vector, numpy_maths, theta_half
 from burnish.materials.model import Fixed, Model, Values
 from burnish.materials.models.expansions import (
+    USUAL,
+    Range,
     conductor_anchors,
     conductor_expansion,
     cosines,
@@ -80,6 +82,7 @@ class Microfacets(Model):
     coordinate_maximum = math.pi / 2
     can_be_delta = True
     lobe = "half"
+    usual_roughness: ClassVar[Range] = USUAL
 
     def __post_init__(self) -> None:
         if self.distribution not in ("beckmann", "ggx"):
@@ -122,7 +125,9 @@ class Microfacets(Model):
     def freeze(self, values: Values) -> dict[str, float]:
         alpha = _rough(values)
         names = [item.name for item in MASKING_ANCHORS]
-        anchors = masking_anchors(self.distribution, round(alpha, 9), self.masking_terms)
+        anchors = masking_anchors(
+            self.distribution, round(alpha, 9), self.masking_terms, self.usual_roughness
+        )
         return {**dict(zip(names, anchors, strict=False)), **self._freeze_fresnel(values)}
 
     def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:

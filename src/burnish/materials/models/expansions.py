@@ -56,7 +56,8 @@ def masking_expansion(distribution: Distribution, anchors: tuple[float, ...]) ->
 
 FAMILY = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 """Roughnesses that the masking expansion is chosen for."""
-USUAL = (0.05, 0.6)
+Range = tuple[float, float]
+USUAL: Range = (0.05, 0.6)
 """Where most edits stay; errors outside count a third."""
 
 
@@ -91,13 +92,18 @@ def _directional_energy(distribution: Distribution) -> Float64:
 
 
 @lru_cache(maxsize=256)
-def masking_anchors(distribution: Distribution, first: float, count: int) -> tuple[float, ...]:
-    """The α_m for a layer that starts at α = `first`; 0 stands for no masking."""
+def masking_anchors(
+    distribution: Distribution, first: float, count: int, usual: Range = USUAL
+) -> tuple[float, ...]:
+    """The α_m for a layer that starts at α = `first`; 0 stands for no masking.
+
+    usual: the roughnesses whose errors count in full.
+    """
     pool = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
     choices = (first, *(alpha for alpha in pool if abs(alpha - first) > 0.04))
     spread = _directional_energy(distribution)
     alphas = np.array(FAMILY)
-    importance = np.where((alphas >= USUAL[0]) & (alphas <= USUAL[1]), 1.0, 1 / 3)
+    importance = np.where((alphas >= usual[0]) & (alphas <= usual[1]), 1.0, 1 / 3)
 
     def worst(error: Float64) -> float:
         each = np.abs(np.einsum("men,mn->me", spread, error)).max(axis=1)

@@ -157,6 +157,8 @@ class _PrincipledMicrofacets(Microfacets):
     """GGX of α = roughness², never a delta lobe."""
 
     can_be_delta = False
+    # A roughness of 0.6 is an α of 0.36, and one of 0.05 as good as smooth
+    usual_roughness = (0.0, 0.36)
 
     def _tint(self, values: Mapping[str, Any]) -> Any:
         return (1.0, 1.0, 1.0)
