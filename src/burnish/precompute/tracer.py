@@ -10,12 +10,13 @@ estimate is unbiased for every later one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from burnish.precompute.encounter import meet_second, open_first, select_terms
 from burnish.precompute.film import FilterSampler
 from burnish.precompute.lights import EmitterGroups
 from burnish.precompute.symbolic import NUMERIC, PLAIN, SymbolicMaterials, Terms
@@ -204,7 +205,10 @@ class Tracer:
             return
         for buffer, value in ((target.fixed, state.fixed), (target.emission, state.emission)):
             for channel in range(3):
-                dr.scatter_add(buffer, value[channel], local * 3 + channel)
+                # Not expanded by threads, which would write the buffer's size into the kernel
+                dr.scatter_add(
+                    buffer, value[channel], local * 3 + channel, mode=dr.ReduceMode.Local
+                )
 
     def _vertex(self, target: Target, path: Path, numbers: Numbers, local: Any) -> None:
         scene, m = self.scene.mi_scene, self.materials
@@ -301,8 +305,13 @@ class Tracer:
         path.pending = dr.select(later & above, later_light, 0)
 
         # The light's own column at a first encounter, its own coarse bin at a second one
-        columns = m.columns(layouts, wi, wo, H, fine | numeric, (first | numeric) & above)
-        ours_light = ours_incoming * (wi.z * self._light_mis(ds, m.pdf(obj, wi, wo)))
+        shaped = first | numeric
+        opened = open_first(m, obj, layouts, wi, wo, u1, u2, fine | numeric, shaped & above, shaped)
+        columns, bounced = (
+            [replace(term, H=h) for term, h in zip(terms, H, strict=True)]
+            for terms in (opened.columns, opened.bounced)
+        )
+        ours_light = ours_incoming * (wi.z * self._light_mis(ds, opened.pdf))
         value = dr.select(first, ours_light, 0)
         if m.any_numeric:
             reflected = m.contract(obj, columns, wo, mi.Bool(False), numeric & above)
@@ -313,42 +322,32 @@ class Tracer:
         path.fixed = self._deposit(target.fixed, path.fixed, own, at)
         tail = mi.UInt32(0)
         if self.coarse:
-            w, q = m.coarse_column(obj, layouts, slot, wi, wo, second & above)
-            pdf = m.pdf_layer(obj, slot, wi, wo)
-            value = dr.select(
-                second, ours_incoming * further * (q * wi.z * self._light_mis(ds, pdf)), value
-            )
-            tail = dr.select(second, 1 + w * self._monomial_count, tail)
-            columns = [_select_terms(first, a, b) for a, b in zip(columns, path.terms, strict=True)]
+            again = meet_second(m, obj, layouts, slot, wi, wo, u1, u2, second & above, second)
+            reflected = again.quotient * wi.z * self._light_mis(ds, again.pdf)
+            value = dr.select(second, ours_incoming * further * reflected, value)
+            tail = dr.select(second, 1 + again.column * self._monomial_count, tail)
+            columns = [select_terms(first, a, b) for a, b in zip(columns, path.terms, strict=True)]
         tail = self._under(group, tail)
         self._add(target, path.row, columns, tail, value, (first | second) & above)
 
         # Sample the next direction
-        wi_first, pdf_first, is_delta = m.sample(obj, wo, u1, u2)
-        shaped = first | numeric
-        wi_next = dr.select(shaped, wi_first, mi.warp.square_to_cosine_hemisphere(u2))
-        pdf_next = dr.select(shaped, pdf_first, wi_next.z * dr.inv_pi)
-        is_delta &= shaped
+        wi_next = dr.select(shaped, opened.wi, mi.warp.square_to_cosine_hemisphere(u2))
+        pdf_next = dr.select(shaped, opened.wi_pdf, wi_next.z * dr.inv_pi)
+        is_delta = shaped & opened.delta
         factor = dr.select(
             shaped, mi.Color3f(dr.select(is_delta, 1, wi_next.z) / pdf_next), further
         )
-        bounced = m.columns(layouts, wi_next, wo, H, fine | numeric, shaped & ~is_delta)
-        if m.any_delta:
-            mirrored = m.delta_columns(obj, layouts, H, is_delta & (fine | numeric))
-            bounced = [
-                _select_terms(is_delta, a, b) for a, b in zip(mirrored, bounced, strict=True)
-            ]
         if m.any_numeric:
             factor *= dr.select(numeric, m.contract(obj, bounced, wo, is_delta, numeric), 1)
         if self.coarse:
-            wi_layer, pdf_layer = m.sample_layer(obj, slot, wo, u1, u2)
-            wi_next = dr.select(second, wi_layer, wi_next)
-            pdf_next = dr.select(second, pdf_layer, pdf_next)
-            w, q = m.coarse_column(obj, layouts, slot, wi_next, wo, second)
-            factor = dr.select(second, further * (q * wi_next.z / pdf_next), factor)
-            path.coarse = dr.select(second, 1 + w * self._monomial_count, path.coarse)
+            wi_next = dr.select(second, again.wi, wi_next)
+            pdf_next = dr.select(second, again.wi_pdf, pdf_next)
+            reflected = again.wi_quotient * wi_next.z / pdf_next
+            factor = dr.select(second, further * reflected, factor)
+            coarse = 1 + again.wi_column * self._monomial_count
+            path.coarse = dr.select(second, coarse, path.coarse)
         factor = dr.select(pdf_next > 0, factor, 0)
-        path.terms = [_select_terms(first, a, b) for a, b in zip(bounced, path.terms, strict=True)]
+        path.terms = [select_terms(first, a, b) for a, b in zip(bounced, path.terms, strict=True)]
         path.monomial = monomial
 
         # Move on
@@ -383,7 +382,10 @@ class Tracer:
         if not self.groups.count:
             return total + value
         for channel in range(3):
-            dr.scatter_add(buffer, value[channel], at * 3 + channel, dr.any(value != 0))
+            lit = dr.any(value != 0)
+            dr.scatter_add(
+                buffer, value[channel], at * 3 + channel, lit, mode=dr.ReduceMode.Local
+            )
         return total
 
     def _slot_map(self, H: list[Any], slot: Any) -> Any:
@@ -434,13 +436,4 @@ def _select_numbers(condition: Any, a: Numbers, b: Numbers) -> Numbers:
         dr.select(condition, a.light, b.light),
         dr.select(condition, a.lobe, b.lobe),
         dr.select(condition, a.direction, b.direction),
-    )
-
-
-def _select_terms(condition: Any, a: Terms, b: Terms) -> Terms:
-    return Terms(
-        dr.select(condition, a.column, b.column),
-        dr.select(condition, a.stride, b.stride),
-        [dr.select(condition, x, y) for x, y in zip(a.quotients, b.quotients, strict=True)],
-        None if a.H is None else dr.select(condition, a.H, b.H),
     )
