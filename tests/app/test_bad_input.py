@@ -66,6 +66,7 @@ def test_scene(burnish: Runner, tmp_path: Path, text: str, words: list[str]) -> 
         ("bake cornell-box -o out.burnish --spp 4 --minutes 1", ["--spp", "--minutes"]),
         ("bake cornell-box -o out.burnish --series 8,1 --bounces 3", ["--series", "--bounces"]),
         ("bake cornell-box -o out.burnish --resolution 64", ["--resolution", "640x360"]),
+        ("bake ring -o out.burnish --light-groups lmap", ["lmap", "'lamp'"]),
         ("bakee cornell-box", ["bakee", "'bake'"]),
     ],
 )
@@ -87,6 +88,8 @@ def test_bake(burnish: Runner, tmp_path: Path, command: str, words: list[str]) -
         ("--set floor.diffuse.color=#12", ["#rrggbb", "'#12'"]),
         ("--set floor.diffuse.color", ["--set", "OBJECT.LAYER.PARAMETER=VALUE"]),
         ("--set floor.specular.weight=-1", ["weight", "[0, 100]"]),
+        ("--set light:lihgt.on=off", ["light:lihgt.on", "'light:light.on'"]),
+        ("--set light:light.intensity=-1", ["light:light.intensity", "[0, 1e+06]", "-1"]),
         ("--edits nowhere.json", ["nowhere.json"]),
         ("--view nowhere", ["nowhere", "'view'"]),
         ("--tonemap aces2", ["aces2", "'aces'"]),
@@ -98,6 +101,17 @@ def test_bake(burnish: Runner, tmp_path: Path, command: str, words: list[str]) -
 def test_render(burnish: Runner, here: Path, command: str, words: list[str]) -> None:
     complaint = refused(burnish, here, "render", "box.burnish", "-o", "out.png", *command.split())
     assert all(word in complaint for word in words), complaint
+
+
+def test_more_light_groups_than_a_bake_tells_apart(burnish: Runner, tmp_path: Path) -> None:
+    lamps = [f'<emitter type="point" id="lamp-{i}"/>' for i in range(4)]
+    (tmp_path / "scene.xml").write_text(scene(CAMERA, LIGHT, BALL, *lamps))
+    complaint = refused(
+        burnish, tmp_path, "bake", "scene.xml", "-o", "out.burnish", "--light-groups", "each"
+    )
+    assert "at most 4 light groups" in complaint
+    assert "got 5" in complaint
+    assert "key=" in complaint
 
 
 def test_a_scene_is_edited_by_the_same_rules(burnish: Runner, tmp_path: Path) -> None:
@@ -123,7 +137,7 @@ def test_foreign_bundle(burnish: Runner, here: Path) -> None:
 def test_bundle_of_a_newer_format(burnish: Runner, here: Path) -> None:
     path = here / "box.burnish" / "zarr.json"
     data = json.loads(path.read_text())
-    data["attributes"]["burnish"]["format_version"] += 1
+    data["attributes"]["burnish"]["format_version"] = 99
     path.write_text(json.dumps(data))
     assert "newer burnish" in refused(burnish, here, "render", "box.burnish", "-o", "out.png")
 

@@ -143,3 +143,30 @@ def test_a_bad_scene_is_an_error_in_words(tmp_path: Path) -> None:
         burnish.edit(tmp_path / "nowhere.xml")
     with pytest.raises(BurnishError, match="teatray"):
         burnish.edit("teatrey")
+
+
+@pytest.mark.parametrize("light_groups", [None, ("each",)], ids=["shares", "groups"])
+def test_mixing_lights_restarts_nothing(light_groups: tuple[str, ...] | None) -> None:
+    with burnish.edit(
+        "ring", resolution=(32, 24), series=(8, 1), light_groups=light_groups
+    ) as session:
+        session.select("ring")
+        session.frame()
+        until(lambda: view_of(session).samples >= 30)
+        studio_of(session).pause()
+        # The worker answers in order: with this picture it has paused, and told of all before
+        session.path_trace(spp=2)
+        samples, whole = view_of(session).samples, session.frame()
+        total = np.zeros_like(whole)
+        for light in ("lamp", "studio"):
+            session.set(f"light:{light}.solo", True)
+            alone = session.frame()
+            assert alone.mean() < 0.95 * whole.mean()
+            total += alone
+            session.undo()
+        np.testing.assert_allclose(total, whole, rtol=1e-4, atol=1e-6 * whole.max())
+        session.set("light:lamp.on", False)
+        session.set("light:studio.on", False)
+        session.set("ring.specular.roughness", 0.3)
+        assert not session.frame().any()
+        assert view_of(session).samples == samples

@@ -54,7 +54,6 @@ CASES: list[tuple[Callable[[], Scene], tuple[int, ...]]] = [
     (two_lamps, (8, 1, 1)),
     (lamp_and_window, (1, 1, 1)),
     (worlds.glossy, (16, 4)),
-    (worlds.behind_glass, (8, 1, 1)),
 ]
 
 

@@ -170,7 +170,7 @@ class Engine:
         """What waits for a pause."""
         self._out.draw_plots()
         self._out.denoise()
-        self._out.prepare_lights()
+        self._out.trace_lights()
         self._out.compare()
         if time.monotonic() - self._out.last_edit > _AUTOSAVE_SECONDS:
             self._save_automatically()

@@ -292,12 +292,14 @@ class Publishing:
             ):
                 self._resting.begin(view, key, revision, self._session.frame(view), now)
 
-    def prepare_lights(self) -> None:
-        """Where a worker traces and has little left to do, what each light adds."""
+    def trace_lights(self) -> None:
+        """What each light adds: better, where lights are mixed, and before they are where a
+        worker traces and has little left to do."""
         for index, view in enumerate(self._pages.views):
-            samples = samples_of(self._session.views[view])
-            if samples >= LIGHTS_AFTER and self._pages.watch(index):
-                self._session.light_mix.prepare(view, self._session.state)
+            if self._pages.watch(index):
+                self._session.light_mix.ready(view, self._session.state)
+                if samples_of(self._session.views[view]) >= LIGHTS_AFTER:
+                    self._session.light_mix.prepare(view, self._session.state)
 
     def cleaned(self, done: Cleaned | str) -> None:
         """A cleaned picture is there, or why there is none."""
