@@ -128,10 +128,14 @@ class Accumulator:
         )
         self.samples = 0
 
-    def run(self, spp: int, seed: int) -> None:
-        """Add `spp` samples per pixel, stratified together."""
+    def run(self, spp: int, seed: int, pixels: int = 0) -> None:
+        """Add `spp` samples per pixel, stratified together.
+
+        pixels: those that a launch has room for, if more than there are: samples per launch are
+        part of the kernel, and tiles of several sizes should share one.
+        """
         area = self.rectangle.width * self.rectangle.height
-        per_launch = max(1, min(spp, LANES // area))
+        per_launch = max(1, min(spp, LANES // max(area, pixels)))
         per_launch = 1 << (per_launch.bit_length() - 1)
         sampler = mi.load_dict({"type": "multijitter", "sample_count": spp})
         sampler.set_samples_per_wavefront(per_launch)
@@ -146,6 +150,9 @@ class Accumulator:
         for number in range(spp // per_launch):
             if number:
                 sampler.advance()
+            # A state that is still to be computed would make the first launch a kernel of its own
+            sampler.schedule_state()
+            dr.eval()
             state = mi.UInt64((seed & 0xFFFFFFFF) << 16 | number)
             dr.make_opaque(state)
             self.tracer.trace(self.target, pixel, local, sampler, state)

@@ -31,6 +31,11 @@ class ViewPlan:
     rows: Rows
     tiles: list[Rectangle]
 
+    @property
+    def largest(self) -> int:
+        """Pixels of the largest tile."""
+        return max(tile.width * tile.height for tile in self.tiles)
+
     def tile_rows(self, tile: Rectangle) -> Rows:
         """The rows inside a tile."""
         width = self.tracer.view.width
@@ -58,7 +63,7 @@ def trace_tile(plan: ViewPlan, number: int, spp: int, seed: int, tolerance: floa
     rectangle = plan.tiles[number]
     accumulator = Accumulator(plan.tracer, rectangle, plan.tile_rows(rectangle))
     for index, samples in enumerate(strata(spp)):
-        accumulator.run(samples, tile_seed(seed, plan.name, number, index))
+        accumulator.run(samples, tile_seed(seed, plan.name, number, index), plan.largest)
     return finished_tile(accumulator, tolerance)
 
 
