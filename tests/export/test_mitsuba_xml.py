@@ -186,7 +186,7 @@ def test_lights_are_exported_as_they_are_mixed(
 
 
 def test_bad_requests_say_what_to_do(room: Scene, tmp_path: Path) -> None:
-    with pytest.raises(InvalidValue, match=r"\.xml, \.mtlx"):
+    with pytest.raises(InvalidValue, match=r"\.xml, \.mtlx, \.glb"):
         burnish.export(room, tmp_path / "room.foo")
     with pytest.raises(MissingFile, match="mkdir"):
         burnish.export(room, tmp_path / "no" / "room.xml")

@@ -23,7 +23,7 @@ FACES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 # file: (objects, editable ones)
 FILES = {
     "AnisotropyStrengthTest": (51, 8),
-    "ClearCoatTest": (28, 10),
+    "ClearCoatTest": (28, 17),
     "DamagedHelmet": (2, 0),
     "boombox": (2, 1),
 }

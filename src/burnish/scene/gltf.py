@@ -2,7 +2,8 @@
 
 Metallic-roughness materials become `principled`; meshes and textures are written beside each
 other into a working folder, transforms applied. A file without a camera is looked at from the
-front, and one without lights gets a soft one from above and a grey surround.
+front, and one with neither lights nor a mesh that emits one colour gets a soft light from above
+and a grey surround.
 
 Approximate, because `principled` has its own form: KHR_materials_clearcoat (its lobe is
 Burley's, and reflects a quarter), KHR_materials_sheen (its strongest channel), specularFactor (as a
@@ -188,7 +189,9 @@ class _Builder:
         lit = False
         for node, matrix in self._nodes():
             if "mesh" in node:
-                scene |= dict(self._shapes(node, matrix))
+                shapes = dict(self._shapes(node, matrix))
+                lit |= any(_is_lamp(shape) for shape in shapes.values())
+                scene |= shapes
             if "camera" in node:
                 camera = self._camera(self.document.item("cameras", node["camera"]), matrix)
                 scene[self._name(node.get("name"), "camera")] = camera
@@ -378,6 +381,12 @@ def write_ply(path: Path, names: list[str], vertices: Float64, faces: AnyArray) 
 
 def _plugins(scene: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [value for value in scene.values() if isinstance(value, Mapping)]
+
+
+def _is_lamp(shape: Mapping[str, Any]) -> bool:
+    """Whether a shape lights its surroundings: it emits one colour, not a texture of details."""
+    radiance = shape.get("emitter", {}).get("radiance", {})
+    return radiance.get("type") == "rgb"
 
 
 def _perspective(matrix: Float64, vertical: float, aspect: float) -> dict[str, Any]:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 FORMATS: Mapping[str, str] = {
     ".xml": "mitsuba",
     ".mtlx": "materialx",
+    ".glb": "glb",
+    ".gltf": "gltf",
     ".binary": "merl",
 }
 """Format by suffix."""
@@ -113,9 +115,13 @@ def _write(
         from burnish.app.export.materialx import write_materialx
 
         return write_materialx(pairs, place)
-    from burnish.app.export.merl import write_tables
+    if kind == "merl":
+        from burnish.app.export.merl import write_tables
 
-    return write_tables(pairs, place)
+        return write_tables(pairs, place)
+    from burnish.app.export.gltf import write_gltf
+
+    return write_gltf(scene, state, place, binary=kind == "glb")
 
 
 __all__ = ["FORMATS", "Exported", "export", "format_of"]
