@@ -2,6 +2,7 @@
 import * as model from "./model";
 import { keepLook } from "./panels/compare";
 import { saveEdits } from "./panels/files";
+import * as painting from "./painting";
 import { handles } from "./viewer/view";
 
 let before: model.Comparison = "off";
@@ -33,7 +34,12 @@ export function listen(): void {
       g: () => (model.histogramOpen.value = !model.histogramOpen.value),
       h: () => (model.panelsHidden.value = !model.panelsHidden.value),
       "?": () => (model.helpOpen.value = true),
-      escape: () => model.select([]),
+      "[": () => painting.resize(false),
+      "]": () => painting.resize(true),
+      escape: () => {
+        if (painting.active.value) painting.brush.value = "";
+        else model.select([]);
+      },
       b: () => {
         if (event.repeat) return;
         before = model.comparison.value;

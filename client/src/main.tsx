@@ -2,6 +2,7 @@
 import { render } from "preact";
 import * as model from "./model";
 import { listen } from "./keys";
+import { Brushes } from "./panels/brushes";
 import { Compare } from "./panels/compare";
 import { Help } from "./panels/help";
 import { History } from "./panels/history";
@@ -48,8 +49,11 @@ function App() {
           <button role="tab" aria-selected={tab.value === "lights"} onClick={() => (tab.value = "lights")}>
             Lights
           </button>
+          <button role="tab" aria-selected={tab.value === "paint"} onClick={() => (tab.value = "paint")}>
+            Paint
+          </button>
         </div>
-        {tab.value === "material" ? <Material /> : tab.value === "mix" ? <Mix /> : <Lights />}
+        {{ material: <Material />, mix: <Mix />, lights: <Lights />, paint: <Brushes /> }[tab.value]}
       </aside>
       <StatusBar />
       <Help />

@@ -4,6 +4,8 @@ import { Connection, type Link } from "./connection";
 import { Kind, type Frame } from "./frames";
 import type {
   Appearance,
+  Brushes,
+  BrushSettings,
   CurveData,
   Curves,
   Crop,
@@ -34,6 +36,7 @@ export const curves = signal<Curves | null>(null);
 export const appearance = signal<Appearance | null>(null);
 export const progress = signal<Progress | null>(null);
 export const lights = signal<Lights | null>(null);
+export const brushes = signal<Brushes | null>(null);
 export const snapshots = signal<SnapshotData[]>([]);
 export const reference = signal<Reference | null>(null);
 
@@ -59,7 +62,7 @@ export const wipe = signal(0.5);
 
 export const hovered = signal("");
 /** Which panel is open beside the picture. */
-export const tab = signal<"material" | "mix" | "lights">("material");
+export const tab = signal<"material" | "mix" | "lights" | "paint">("material");
 export const panelsHidden = signal(false);
 export const helpOpen = signal(false);
 export const histogramOpen = signal(true);
@@ -164,6 +167,9 @@ function onMessage(message: FromServer): void {
       break;
     case "Lights":
       lights.value = message;
+      break;
+    case "Brushes":
+      brushes.value = message;
       break;
     case "Progress":
       progress.value = message;
@@ -272,6 +278,14 @@ export const recover = (accept: boolean): void => connection.send({ type: "Recov
 export function toggleDenoise(): void {
   if (!welcome.value?.denoiser) connection.send({ type: "Denoise", active: !progress.value?.denoise });
 }
+
+// -- painting ------------------------------------------------------------------------------
+
+export const paintBegin = (view: string, settings: BrushSettings, every: boolean, straight: boolean): void =>
+  connection.send({ type: "PaintBegin", view, settings, every, straight });
+export const paintTo = (points: [number, number, number][]): void => connection.send({ type: "PaintTo", points });
+export const paintEnd = (): void => connection.send({ type: "PaintEnd" });
+export const paintWhole = (settings: BrushSettings): void => connection.send({ type: "PaintWhole", settings });
 
 // -- comparing -----------------------------------------------------------------------------
 

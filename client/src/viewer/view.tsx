@@ -6,6 +6,7 @@ import { Kind, type Frame } from "../frames";
 import { HALF } from "../halves";
 import type { Crop, RGB, ViewData } from "../messages";
 import * as model from "../model";
+import * as painting from "../painting";
 import { Renderer, type Look } from "./renderer";
 import { OPERATORS } from "./shaders";
 
@@ -87,7 +88,7 @@ class Controller implements ViewHandle {
   private scheduled = false;
   private drawnAt = -1;
   private glowUntil = 0;
-  private drag: { x: number; y: number; moved: boolean; kind: "pan" | "wipe" | "crop"; from: [number, number] } | null = null;
+  private drag: { x: number; y: number; moved: boolean; kind: "pan" | "wipe" | "crop" | "paint"; from: [number, number] } | null = null;
   private readonly stops: (() => void)[] = [];
 
   constructor(
@@ -122,6 +123,7 @@ class Controller implements ViewHandle {
     listen("pointerdown", (event) => this.press(event));
     listen("pointermove", (event) => this.move(event));
     listen("pointerup", (event) => this.release(event));
+    listen("pointercancel", (event) => this.release(event));
     listen("pointerleave", () => this.leave());
     listen("dblclick", (event) => event.preventDefault());
     listen("keydown", (event) => this.key(event));
@@ -322,19 +324,31 @@ class Controller implements ViewHandle {
 
   private press(event: PointerEvent): void {
     const from = this.at(event);
-    const kind = model.pickingCrop.value ? "crop" : this.onWipe(from[0]) ? "wipe" : "pan";
+    const paints = painting.active.value && event.button === 0 && !model.pickingWhite.value;
+    if (paints && event.altKey) {
+      painting.source.value = from;
+      return;
+    }
+    const kind = model.pickingCrop.value ? "crop" : this.onWipe(from[0]) ? "wipe" : paints ? "paint" : "pan";
     this.drag = { x: event.clientX, y: event.clientY, moved: false, kind, from };
     try {
       this.canvas.setPointerCapture(event.pointerId);
     } catch {
       // A pointer that has gone by now cannot be captured; the drag ends by itself.
     }
+    if (kind === "paint") painting.begin(this.name, this.pen(event), event.shiftKey);
   }
 
   private move(event: PointerEvent): void {
     const [x, y] = this.at(event);
     const { drag } = this;
+    this.ring(event);
     if (drag) {
+      if (drag.kind === "paint") {
+        const all = event.getCoalescedEvents?.() ?? [];
+        painting.to((all.length > 0 ? all : [event]).map((each) => this.pen(each)));
+        return;
+      }
       const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
       if (drag.kind === "wipe") {
         const [left, right] = this.renderer.compared;
@@ -366,8 +380,19 @@ class Controller implements ViewHandle {
     model.probe.value = linear
       ? { view: this.name, x: Math.floor(x), y: Math.floor(y), linear, object }
       : null;
-    const picking = model.pickingWhite.value || model.pickingCrop.value;
+    const picking = model.pickingWhite.value || model.pickingCrop.value || painting.active.value;
     this.canvas.style.cursor = picking ? "crosshair" : this.onWipe(x) ? "ew-resize" : "";
+  }
+
+  /** Where a pen is, and how hard it presses; a mouse presses fully. */
+  private pen(event: PointerEvent): painting.PenPoint {
+    const [x, y] = this.at(event);
+    return [x, y, event.pointerType === "pen" ? event.pressure : 1];
+  }
+
+  private ring(event: PointerEvent): void {
+    if (!painting.active.value) return painting.hideRing();
+    painting.showRing(event.clientX, event.clientY, (painting.size.value * this.scale) / devicePixelRatio);
   }
 
   /** The pixels between two places, inside the picture. */
@@ -382,6 +407,7 @@ class Controller implements ViewHandle {
   private release(event: PointerEvent): void {
     const { drag } = this;
     this.drag = null;
+    if (drag?.kind === "paint") return painting.end();
     if (drag?.kind === "crop") {
       model.pickingCrop.value = false;
       const [, , width, height] = model.crop.value?.pixels ?? [0, 0, 0, 0];
@@ -411,6 +437,7 @@ class Controller implements ViewHandle {
   }
 
   private leave(): void {
+    painting.hideRing();
     model.hovered.value = "";
     model.probe.value = null;
   }

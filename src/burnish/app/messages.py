@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 3
+VERSION = 4
 """Grows when a message changes; a page that speaks another version is asked to reload."""
 
 MAXIMUM_MESSAGE_BYTES = 4 * 1024 * 1024
@@ -25,6 +25,9 @@ RGB = tuple[float, float, float]
 Crop = tuple[int, int, int, int]
 """Pixels of a view: left, top, width, height."""
 Value = float | RGB | str
+Pixel = tuple[float, float]
+PenPoint = tuple[float, float, float]
+"""x, y and pressure."""
 
 
 @dataclass(frozen=True)
@@ -245,6 +248,51 @@ class Denoise(ClientMessage):
     active: bool
 
 
+@dataclass(frozen=True)
+class BrushSettings:
+    """How a brush is held: see `burnish.session.painting.BrushOptions`. layer: "" for the
+    first that the brush works on. source: the pixel that a clone stamp copies from."""
+
+    brush: str
+    size: float
+    strength: float
+    falloff: float
+    color: RGB
+    amount: float
+    layer: str
+    source: Pixel | None
+
+
+@dataclass(frozen=True)
+class PaintBegin(ClientMessage):
+    """A stroke begins; it is one step of undo. every: whether it ignores objects' borders.
+    straight: a line from its first point to its last."""
+
+    view: str
+    settings: BrushSettings
+    every: bool
+    straight: bool
+
+
+@dataclass(frozen=True)
+class PaintTo(ClientMessage):
+    """The stroke goes on through these points: x and y in pixels of the view, pressure."""
+
+    points: tuple[PenPoint, ...]
+
+
+@dataclass(frozen=True)
+class PaintEnd(ClientMessage):
+    """The stroke ends."""
+
+
+@dataclass(frozen=True)
+class PaintWhole(ClientMessage):
+    """The brush on all of the selected objects."""
+
+    settings: BrushSettings
+
+
 # -- from the server -----------------------------------------------------------------------
 
 
@@ -416,6 +464,33 @@ class Lights(ServerMessage):
 
 
 @dataclass(frozen=True)
+class BrushData:
+    """A brush of the selected material; see `burnish.session.brushes.Brush`. reason: why it
+    cannot be used, or "". amount: what it does unless told, in [minimum, maximum], which are
+    equal where it takes none."""
+
+    name: str
+    label: str
+    reason: str
+    layers: tuple[str, ...]
+    colour: bool
+    amount: float
+    minimum: float
+    maximum: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Brushes(ServerMessage):
+    """The brushes of the selected object, or with "" all that there are. painted: the objects
+    that carry paint."""
+
+    object: str
+    items: tuple[BrushData, ...]
+    painted: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class LayerCurve:
     """A profile at t: as the parameters make it (base) and as edited (result), [n, 3]."""
 
@@ -533,14 +608,16 @@ CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
     Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetOutgoingCurve, SetModel,
     SetMetal, SetEnabled, SetWeight, Solo, Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot,
     ForgetSnapshot, CompareSnapshot, PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
-    Denoise,
+    Denoise, PaintBegin, PaintTo, PaintEnd, PaintWhole,
 )  # fmt: skip
 
 SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
     Welcome, State, Lights, Curves, Appearance, Progress, Snapshots, Reference, Notice, Refused,
+    Brushes,
 )  # fmt: skip
 
 SHARED = (
     CurveData, ParameterInfo, LayerInfo, ModelInfo, MetalInfo, ObjectData, ViewData, LayerValues,
-    ObjectValues, LightData, SnapshotData, LayerCurve, FrameHeader,
+    ObjectValues, LightData, SnapshotData, LayerCurve, FrameHeader, BrushSettings,
+    BrushData,
 )  # fmt: skip

@@ -24,6 +24,7 @@ from burnish.app.server.autosave import Autosave
 from burnish.app.server.frames import Kind
 from burnish.app.server.mailbox import Mailbox
 from burnish.app.server.pages import Pages
+from burnish.app.server.painting import Painting
 from burnish.app.server.publishing import Publishing
 from burnish.app.server.resting import Cleaned, Resting
 from burnish.app.server.snapshots import Snapshots
@@ -63,6 +64,7 @@ class Engine:
             self.resting,
             self.autosave,
         )
+        self._painting = Painting(session, self.pages)
         self._queue: deque[tuple[Mailbox | None, Any]] = deque()
         self._changed = threading.Condition()
         self._stop = False
@@ -168,6 +170,7 @@ class Engine:
 
     def _rest(self) -> None:
         """What waits for a pause."""
+        self._painting.publish()
         self._out.draw_plots()
         self._out.denoise()
         self._out.trace_lights()
@@ -181,7 +184,8 @@ class Engine:
             return
         before = self.session.revision
         try:
-            self._actions.carry_out(box, item)
+            if not self._painting.carry_out(box, item):
+                self._actions.carry_out(box, item)
         except BurnishError as error:
             box.put(m.Refused(item.seq, str(error)))
         except Exception as error:
@@ -209,12 +213,14 @@ class Engine:
         self.pages.boxes.append(box)
         self._out.welcome(box)
         box.put(self.snapshots.message())
+        self._painting.welcome()
         if self.autosave.left_behind is not None:
             box.put(m.Notice("info", "Edits from an earlier run were found.", offer="recover"))
 
     def _farewell(self, box: Mailbox) -> None:
         if box in self.pages.boxes:
             self.pages.boxes.remove(box)
+        self._painting.farewell(box)
         self._actions.farewell(box)
 
     # -- from other threads -------------------------------------------------------------------
