@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from burnish.core.errors import InvalidValue, MissingFile
 from burnish.core.types import Float32, Progress
 from burnish.core.version import __version__
 from burnish.materials.lights import Light
-from burnish.precompute.bake import ViewPlan, plan_views, samples_for, strata, trace_tile
+from burnish.precompute.bake import ViewPlan, plan_views, strata, trace_tile
+from burnish.precompute.pilot import samples_for
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.renderer import Renderer
 from burnish.scene import Scene
@@ -53,6 +55,7 @@ def bake(
     Raises InvalidValue, TooLarge before anything is traced, MissingFile for the folder,
     BundleError, CannotWrite when the disk is full.
     """
+    started = time.perf_counter()
     place = Path(path)
     if spp is not None and minutes is not None:
         raise InvalidValue("give spp or minutes, not both: minutes finds the samples by itself")
@@ -69,7 +72,9 @@ def bake(
         if basis is None:
             raise InvalidValue("a new bake needs a basis; `burnish.bake` makes one")
         plans = plan_views(scene, basis, seed)
-        samples = spp or (samples_for(plans, minutes, seed) if minutes else DEFAULT_SAMPLES)
+        samples = spp or DEFAULT_SAMPLES
+        if minutes is not None:
+            samples = samples_for(plans, started + 60 * minutes, seed, tolerance)
         header = describe(scene, basis, plans, place, samples, seed, tolerance)
         writer = BundleWriter.create(place, header)
 

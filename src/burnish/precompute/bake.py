@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +17,6 @@ from burnish.transport.basis import Basis
 from burnish.transport.block import Block, Tile
 from burnish.transport.compression import compress_tile
 from burnish.transport.rows import Rows
-
-PILOT_TILES = 3
 
 
 @dataclass
@@ -110,39 +107,38 @@ def _drop_unused(rows: Rows, blocks: list[Block]) -> tuple[Rows, list[Block]]:
 
 
 def strata(spp: int) -> list[int]:
-    """Split a budget into equal powers of four that are each stratified by themselves.
+    """Split a budget into powers of four that are each stratified by themselves.
 
-    At most STRATA each, and all of one size, since each size is a kernel of its own.
-    Rounds up.
+    At most STRATA each, and of two sizes at most, the smaller a quarter of the larger, since
+    each size is a kernel of its own. Rounds up.
     """
     if spp < 1:
         raise InvalidValue(f"spp must be at least 1; got {spp}")
+    size = _stratum(spp)
+    quarter = max(size // 4, 1)
+    count, rest = divmod(spp, size)
+    quarters = -(-rest // quarter)
+    if quarters == size // quarter:
+        count, quarters = count + 1, 0
+    return [size] * count + [quarter] * quarters
+
+
+def whole_strata(spp: float) -> int:
+    """The most samples, at least one, that are no more than `spp` and split without rest."""
+    most = max(int(spp), 1)
+    quarter = max(_stratum(most) // 4, 1)
+    return most // quarter * quarter
+
+
+def _stratum(spp: int) -> int:
+    """The larger of the sizes that a budget is split into."""
     size = STRATA
     while size > spp:
         size //= 4
-    return [size] * -(-spp // size)
+    return size
 
 
 def tile_seed(seed: int, view: str, tile: int, stratum: int) -> int:
     """A 32-bit seed of its own for every stratum of every tile of every view."""
     words = [seed & 0xFFFFFFFF, *view.encode(), tile & 0xFFFFFFFF, stratum]
     return int(np.random.SeedSequence(words).generate_state(1)[0])
-
-
-def samples_for(plans: list[ViewPlan], minutes: float, seed: int) -> int:
-    """Samples per pixel that fit in `minutes`, from a timed pilot on a few tiles."""
-    seconds = samples = 0.0
-    for plan in plans:
-        chosen = np.linspace(0, len(plan.tiles) - 1, min(PILOT_TILES, len(plan.tiles)))
-        for number in chosen.astype(int):
-            tile = plan.tiles[number]
-            accumulator = Accumulator(plan.tracer, tile, plan.tile_rows(tile))
-            # The first run compiles; it is not timed
-            accumulator.run(16, seed)
-            start = time.perf_counter()
-            accumulator.run(16, seed + 1)
-            seconds += time.perf_counter() - start
-            samples += 16 * tile.width * tile.height
-    pixels = sum(plan.tracer.view.width * plan.tracer.view.height for plan in plans)
-    spp = int(samples / max(seconds, 1e-9) * minutes * 60 / pixels)
-    return max(1, spp if spp < STRATA else spp // STRATA * STRATA)
