@@ -118,8 +118,8 @@ def strata(spp: int) -> list[int]:
     quarter = max(size // 4, 1)
     count, rest = divmod(spp, size)
     quarters = -(-rest // quarter)
-    if quarters == size // quarter:
-        count, quarters = count + 1, 0
+    if rest and quarters == size // quarter:
+        return strata(size * (count + 1))
     return [size] * count + [quarter] * quarters
 
 
