@@ -157,7 +157,8 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
 
     source: a bundle or the path of one; a scene, its file or an example's name. A scene is
     traced by a process of its own, which `session.close()` ends. options: for a scene that
-    is named, what `load` takes, and `series`.
+    is named, what `load` takes, `series`, and `light_groups` as for `bake`: the estimate then
+    has room for each group, and materials are exact under any mix while they are edited.
 
     >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
     >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP

@@ -15,6 +15,7 @@ from burnish.core.errors import InvalidValue, MissingRayTracer, SceneError, Unkn
 from burnish.core.types import Float32
 from burnish.materials.lights import LightGroup, lights_in, mix
 from burnish.session import Session
+from burnish.session.fitting import fit
 from burnish.session.lightmix import ratio
 from burnish.transport.basis import State
 from tests.runtime.worlds import basis_of, plain_image, random_world
@@ -241,3 +242,18 @@ def mix_of(*factors: float) -> np.ndarray:
         for group, factor in zip(LIGHTS, factors, strict=True)
     }
     return mix(LIGHTS, state)
+
+
+def test_a_fit_under_shares_is_refused_and_under_groups_is_not() -> None:
+    session = by_shares()
+    session.set("light:lamp.on", False)
+    target = np.full((SOURCE.height, SOURCE.width, 3), 0.5, np.float32)
+    with pytest.raises(InvalidValue, match="--light-groups"):
+        fit(session, target, objects=["box"])
+    grouped = by_groups()
+    grouped.set("light:lamp.intensity", 0.5)
+    grouped.set("box.diffuse.color", 0.6)
+    wish = grouped.frame()
+    grouped.undo()
+    found = fit(grouped, wish, objects=["box"], parameters=["diffuse.color"])
+    assert found.values["box.diffuse.color"] == pytest.approx((0.6, 0.6, 0.6), abs=1e-3)

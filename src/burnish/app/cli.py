@@ -113,6 +113,11 @@ Examples:
     "--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on (a free one)."
 )
 @click.option("--no-browser", is_flag=True, help="Print the address and open no browser.")
+@click.option(
+    "--light-groups",
+    metavar="A,B,NAME=C+D|each",
+    help="Of a SCENE: lights to tell apart in the live estimate, as `bake` does.",
+)
 def edit(**options: Any) -> None:
     """Open the editor on SCENE or BUNDLE in the browser."""
     from burnish.app import commands

@@ -39,11 +39,24 @@ FIGURES = {
 }
 
 
-def edit(source: str, edits: str | None, host: str, port: int, no_browser: bool) -> None:
+def edit(
+    source: str,
+    edits: str | None,
+    host: str,
+    port: int,
+    no_browser: bool,
+    light_groups: str | None,
+) -> None:
     """`burnish edit`."""
     from burnish.app.server import serve
 
-    with burnish.edit(source) as session:
+    groups = split_list(light_groups) or None
+    if groups and opening.names_bundle(source):
+        raise InvalidValue(
+            "--light-groups is for a scene: a bundle has the groups of its bake; leave it out, or "
+            f"bake with --light-groups {light_groups}"
+        )
+    with burnish.edit(source, light_groups=groups) as session:
         make_edits(session, edits, ())
         serve(session, host, port, not no_browser, announce=click.echo)
 

@@ -204,6 +204,11 @@ def chosen_unknowns(
             f"{', '.join(painted)} is painted, and a fit is of uniform materials: erase the paint "
             'first, session.paint_whole("eraser", [...])'
         )
+    if session.light_mix.factors(state) is not None:
+        raise InvalidValue(
+            "lights are mixed, and a fit needs transport that tells them apart: reset the lights, "
+            "or bake with --light-groups"
+        )
     materials = {name: item for name in state if (item := session.material(name)) is not None}
     unknowns = unknowns_of(materials, state, ids, parameters, curve)
     fitted = tuple(dict.fromkeys(item.object for item in unknowns))
@@ -251,7 +256,7 @@ def _wish(
         raise InvalidValue(f"mask must have the view's shape {shape}; got {weight.shape}")
     if not (np.isfinite(weight).all() and (weight >= 0).all()):
         raise InvalidValue("mask must be bool or weights that are finite and >= 0")
-    lamps = transport.emission.max(axis=2) > 0.5 * session.frame(view).max(axis=2)
+    lamps = session.emission(view).max(axis=2) > 0.5 * session.frame(view).max(axis=2)
     asked = np.isfinite(wanted).all(axis=2) & ~lamps
     weight = np.where(asked, weight, np.float32(0.0))
     if not weight.any():
