@@ -150,6 +150,17 @@ def test_every_kind_of_scene(
     figures.settle()
 
 
+def test_the_ring(figures: Figures) -> None:
+    """The caustic of the ring at (64, 16), from the tensor as it was gathered."""
+    scene = load("ring", resolution=(SIDE // 2, SIDE // 2))
+    basis = basis_for(scene, None, (64, 16))
+    ours = pictures(scene, basis, spp=2 * SPP, per_pass=64)[0]
+    theirs = projected(scene, basis, spp=4 * SPP)
+    figures.equal("Z-test", same(ours, theirs), ours.mean, theirs.reflected)
+    figures.note("samples that found no row", ours.lost)
+    figures.settle()
+
+
 def test_settled_materials(figures: Figures) -> None:
     """Materials of ours that are not edited and that Mitsuba does not have."""
     item = blinn(worlds.RED, worlds.GREY, 80.0, bins=NUMERIC_BINS)
