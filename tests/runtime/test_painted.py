@@ -191,3 +191,34 @@ def test_a_slider_moves_what_is_not_painted() -> None:
     world.state = {**world.state, "lid": replace(lid, layers=layers)}
     image = running.image(world.state, {2: world.rows()})
     np.testing.assert_allclose(image, plain_painted(world), rtol=5e-4)
+
+
+def test_a_row_that_the_view_does_not_know_takes_a_neighbours_paint() -> None:
+    world = World(basis_of((6, 1, 1)), COLOURS)
+    lost = 40
+    kept = np.arange(len(world.pixel)) != lost
+    assert world.pixel[lost + 1] == world.pixel[lost] + 1
+    world.area[lost] = 0.0
+    material = world.basis.objects[2].material
+    whole = VariedObject(material, world.canvas, world.area)
+    fewer = Canvas(world.canvas.positions[kept], world.canvas.normals[kept])
+    missing = VariedObject(material, fewer, world.area[kept])
+    state = world.state["lid"]
+    images = [
+        frozen_view(world.source, world.state, 2).image(
+            world.state, {2: PaintedRows(pixel, varied.at(state))}
+        )
+        for pixel, varied in ((world.pixel, whole), (world.pixel[kept], missing))
+    ]
+    same = (images[0] == images[1]).all(axis=2).ravel()
+    np.testing.assert_array_equal(np.flatnonzero(~same), [world.pixel[lost]])
+    # Were it painted like its neighbour, it would be lit by the neighbour's material
+    moved = world.canvas.positions.copy()
+    moved[lost] = moved[lost + 1]
+    normals = world.canvas.normals.copy()
+    normals[lost] = normals[lost + 1]
+    twin = VariedObject(material, Canvas(moved, normals), world.area)
+    alike = frozen_view(world.source, world.state, 2).image(
+        world.state, {2: PaintedRows(world.pixel, twin.at(state))}
+    )
+    np.testing.assert_allclose(images[1], alike, rtol=1e-6)

@@ -247,7 +247,7 @@ def _check_memory(
 ) -> None:
     """Refuse a freeze whose V, made once by pixel and once by power, would not fit."""
     need = 24 * powers * pixels
-    limit = memory if memory is not None else _machine_memory() // 2
+    limit = memory if memory is not None else machine_memory() // 2
     if need > limit:
         names = ", ".join(basis.objects[target].id for target in targets)
         raise TooLarge(
@@ -256,7 +256,8 @@ def _check_memory(
         )
 
 
-def _machine_memory() -> int:
+def machine_memory() -> int:
+    """Bytes of the machine's memory."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):

@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from burnish.core.errors import TooLarge
 from burnish.core.parallel import parallel_map
 from burnish.core.types import AnyArray, Bool, Float32, Float64, Int64
 from burnish.materials.painting.varied import Node, VariedLayer, VariedMaterial
+from burnish.runtime.freeze import machine_memory
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import State
 from burnish.transport.contraction import fold, meet_tails
@@ -52,7 +54,8 @@ class PaintedRenderer:
         own = [part for part in frozen.parts if _is_painted(part, painted)]
         others = [part for part in frozen.parts if not _is_painted(part, painted)]
         self._others = Renderer(replace(frozen, parts=others))
-        self._parts = [_Part(part, len(frozen.powers.exponents)) for part in own]
+        powers = len(frozen.powers.exponents)
+        self._parts = [_Part(part, powers, frozen.width) for part in own]
 
     def image(self, state: State, rows: Mapping[int, PaintedRows]) -> Float32:
         """The picture: float32 [h, w, 3], linear RGB. rows: those of each painted object.
@@ -77,8 +80,10 @@ def _is_painted(part: FrozenPart | FoldedPart, painted: frozenset[int]) -> bool:
 class _Part:
     """A frozen part whose rows have materials of their own."""
 
-    def __init__(self, part: FrozenPart | FoldedPart, powers: int) -> None:
+    def __init__(self, part: FrozenPart | FoldedPart, powers: int, width: int) -> None:
         assert part.slice is not None
+        _check_memory(12 * powers * len(part.pixel))
+        self._width = width
         self.part, self.slice = part, part.slice
         self.object, self.pixel = part.object, part.pixel
         self._light = np.zeros((powers, 3, len(part.pixel)), np.float32)
@@ -93,7 +98,7 @@ class _Part:
         """What the part adds to its pixels: float32 [r, 3]."""
         layer = rows.material.layers[self.slice.layer]
         if self._place is None:
-            self._place = np.searchsorted(rows.pixel, self.pixel)
+            self._place = _places(rows.pixel, self.pixel, self._width)
         changed = np.flatnonzero(self._changed(layer))
         if len(changed):
             self._mix(layer, self._first_column(rows), changed)
@@ -143,6 +148,7 @@ class _Part:
             self._slots = {node: slot for slot, node in enumerate(kept)}
         need = len(self._slots) + len(fresh)
         if need > len(self._store):
+            _check_memory((need + _SPARE) * self._light.nbytes)
             store = np.empty((need + _SPARE, *self._light.shape), np.float32)
             store[: len(self._store)] = self._store
             self._store = store
@@ -167,6 +173,33 @@ class _Part:
     def _first_column(self, rows: PaintedRows) -> int:
         """The first column of the slice's layer among the object's."""
         return sum(item.layer.columns for item in rows.material.layers[: self.slice.layer])
+
+
+def _places(known: AnyArray, pixel: AnyArray, width: int) -> AnyArray:
+    """Which of an object's rows, of known rising pixels, each of a part's pixels is.
+
+    A live part has been sampled anew and may meet a silhouette where the view's rows do not:
+    such a pixel takes a neighbour's paint.
+    """
+    last = len(known) - 1
+    result = np.minimum(np.searchsorted(known, pixel), last)
+    missing = np.flatnonzero(known[result] != pixel)
+    for step in (1, -1, width, -width, width + 1, width - 1, -width + 1, -width - 1):
+        near = pixel[missing] + step
+        at = np.minimum(np.searchsorted(known, near), last)
+        there = known[at] == near
+        result[missing[there]] = at[there]
+        missing = missing[~there]
+    return result
+
+
+def _check_memory(need: int) -> None:
+    limit = machine_memory() // 4
+    if need > limit:
+        raise TooLarge(
+            f"painting this needs {need / 1e9:.1f} GB and at most {limit / 1e9:.1f} GB may be "
+            "used: erase the paint of other objects, or select fewer"
+        )
 
 
 def _plain(part: FrozenPart, coefficients: Float64) -> Float32:
