@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from burnish.core.errors import BurnishError, MissingFile, SceneError
-from burnish.scene import load
+from burnish.scene import gltf_materials, load
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
@@ -23,7 +23,7 @@ FACES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 # file: (objects, editable ones)
 FILES = {
     "AnisotropyStrengthTest": (51, 8),
-    "ClearCoatTest": (28, 17),
+    "ClearCoatTest": (28, 26),
     "DamagedHelmet": (2, 0),
     "boombox": (2, 1),
 }
@@ -261,3 +261,32 @@ def test_degenerate_triangles_are_left_out_with_a_warning(tmp_path: Path) -> Non
     scene = load(file.write(tmp_path / "a.glb"))
     assert scene.mi_scene.shapes()[0].face_count() == 1
     assert scene.warnings == ("1 triangles of 'square' without an area are left out",)
+
+
+def test_a_large_texture_is_scaled_down_and_a_huge_one_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = File()
+    strip = np.zeros((4, 16384, 3), np.uint8)
+    file.json["materials"][0] = {"pbrMetallicRoughness": {"baseColorTexture": file.texture(strip)}}
+    place = file.write(tmp_path / "a.glb")
+    # Pillow takes large pictures for an attack
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
+    scene = load(place)
+    assert scene.warnings == ("images[0] of 16384 × 4 pixels is scaled down to 8192",)
+    assert Image.MAX_IMAGE_PIXELS == 1000
+    monkeypatch.setattr(gltf_materials, "MOST_PIXELS", 16384)
+    with pytest.raises(SceneError, match=r"16384 × 4 pixels, more than can be read.*scale it down"):
+        load(place)
+
+
+def test_what_glows_in_places_is_edited_like_any_other(tmp_path: Path) -> None:
+    """An emissive texture is light that a surface sends besides what it reflects."""
+    glow = np.zeros((4, 4, 3), np.uint8)
+    glow[0, 0] = 255
+    file = File({"emissiveFactor": [1.0, 1.0, 1.0]})
+    file.json["materials"][0]["emissiveTexture"] = file.texture(glow)
+    item = load(file.write(tmp_path / "a.glb")).object("square")
+    assert item.editable, item.reason
+    plain = load(File({"emissiveFactor": [1.0, 1.0, 1.0]}).write(tmp_path / "b.glb"))
+    assert plain.object("square").reason == "it is a light"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from burnish.core.errors import TooLarge
 from burnish.transport.monomials import Monomials
 
 SIZES = st.tuples(st.integers(0, 6), st.integers(0, 4))
@@ -22,6 +24,14 @@ def test_there_are_as_many_as_multisets(size: tuple[int, int]) -> None:
     degrees = exponents.sum(axis=1)
     assert (np.diff(degrees) >= 0).all()
     assert degrees.max() <= size[1]
+
+
+def test_too_many_are_refused_before_they_are_listed() -> None:
+    """2,000 objects over four bounces would fill the memory."""
+    monomials = Monomials(2000, 3)
+    for table in ("exponents", "next"):
+        with pytest.raises(TooLarge, match=r"1,337,337,001 terms; choose fewer editable objects"):
+            getattr(monomials, table)
 
 
 @given(SIZES)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +18,8 @@ from burnish.core.types import AnyArray, Float64
 
 LARGEST = 8192
 """The longest side of a texture; larger ones are scaled down, with a warning."""
+MOST_PIXELS = 1 << 28
+"""Of a picture that is read at all: 16k × 16k."""
 
 
 class Source(Protocol):
@@ -192,15 +195,33 @@ class Materials:
         else:
             data = self.source.view(int(image["bufferView"]))
         try:
-            with Image.open(io.BytesIO(data)) as picture:
+            with _any_size(), Image.open(io.BytesIO(data)) as picture:
+                width, height = picture.size
+                if width * height > MOST_PIXELS:
+                    raise SceneError(
+                        f"{self.source.path}: {where} has {width} × {height} pixels, more than "
+                        f"can be read ({MOST_PIXELS:,}); scale it down"
+                    )
                 if max(picture.size) > LARGEST:
-                    self.warnings.append(f"{where} of {picture.size} is scaled down to {LARGEST}")
+                    self.warnings.append(
+                        f"{where} of {width} × {height} pixels is scaled down to {LARGEST}"
+                    )
                     picture.thumbnail((LARGEST, LARGEST))
                 return np.asarray(picture.convert("RGBA"))
-        except (UnidentifiedImageError, OSError, Image.DecompressionBombError):
+        except (UnidentifiedImageError, OSError):
             raise SceneError(
                 f"{self.source.path}: {where} is not a picture that can be read; export it anew"
             ) from None
+
+
+@contextmanager
+def _any_size() -> Iterator[None]:
+    """Let Pillow open what it takes for an attack: a texture of 16k is large, not hostile."""
+    before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    try:
+        yield
+    finally:
+        Image.MAX_IMAGE_PIXELS = before
 
 
 def _index(extensions: Mapping[str, Any]) -> dict[str, float]:

@@ -24,7 +24,7 @@ from burnish.scene.assign import assigned
 from burnish.scene.device import activate
 from burnish.scene.lights import SceneLight, draft_lights, find_lights, scaled
 from burnish.scene.maps import WeightMap
-from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_light
+from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_lamp
 from burnish.scene.tree import Tree
 from burnish.scene.views import View, prepare_sensors, views_of
 from burnish.scene.wrapping import BENDS
@@ -301,7 +301,7 @@ def _describe(
         adapted[bsdf] = adapt(description)
     read = adapted[bsdf]
     item = replace(item, plugin=_plugin_inside(tree, bsdf), two_sided=read.two_sided)
-    if is_light(tree, node):
+    if is_lamp(tree, node):
         return replace(item, reason="it is a light")
     if draft.instanced:
         return replace(item, reason="it lies in a shapegroup, whose instances share it")

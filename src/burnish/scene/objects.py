@@ -135,6 +135,17 @@ def is_light(tree: Tree, index: int) -> bool:
     )
 
 
+def is_lamp(tree: Tree, index: int) -> bool:
+    """Whether a shape node is there to light: it emits, and not by a texture over its surface.
+
+    What glows in places, such as a helmet's lights, is a surface to edit like any other.
+    """
+    emitters = tree.children(index, mi.ObjectType.Emitter)
+    glows = [tree.children(node, mi.ObjectType.Texture) for _, node in emitters]
+    varies = any(tree.plugin(texture) == "bitmap" for textures in glows for _, texture in textures)
+    return is_light(tree, index) and not (varies and len(emitters) == 1)
+
+
 def _shape_nodes(tree: Tree) -> Iterator[tuple[str, int]]:
     """(property name, node number) of every shape with a surface, those in groups too."""
     for name, index in tree.children(0, mi.ObjectType.Shape):

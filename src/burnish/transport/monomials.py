@@ -8,7 +8,11 @@ from math import comb
 
 import numpy as np
 
+from burnish.core.errors import TooLarge
 from burnish.core.types import Float64, Int32
+
+MOST_ENTRIES = 50_000_000
+"""Monomials times variables, the size of their tables, beyond which none are made."""
 
 
 class Monomials:
@@ -27,6 +31,13 @@ class Monomials:
 
     @cached_property
     def _multisets(self) -> list[tuple[int, ...]]:
+        """Raises TooLarge where there are too many to list."""
+        if len(self) * self.variables > MOST_ENTRIES:
+            raise TooLarge(
+                f"the layers of all editable objects are {self.variables} variables, whose "
+                f"products make {len(self):,} terms; choose fewer editable objects (--editable "
+                "A,B) or fewer bounces, or edit the scene live, without a bake"
+            )
         return [
             multiset
             for degree in range(self.degree + 1)
