@@ -109,6 +109,9 @@ def test_a_session_shows_what_the_path_tracer_does(tmp_path: Path) -> None:
 
 def test_what_has_no_formula_per_point_says_so() -> None:
     scene = world({"floor": plane(), "lamp": BESIDE, "view": VIEW}, {"floor": START}, (4, 4))
-    state = replace(START.initial, strokes=(right_half(),), conserve=True)
+    painted = replace(START.initial, strokes=(right_half(),))
+    with pytest.raises(InvalidValue, match="floor is painted"):
+        burnish.path_trace(scene, {"floor": painted}, series=(64,), spp=4)
+    state = replace(painted, conserve=True)
     with pytest.raises(InvalidValue, match="linked layers"):
         PathTracedTruth(scene, 1).render({"floor": state}, scene.views[0].name, 4)

@@ -64,7 +64,8 @@ def series_image(
     direct_plus_diffuse_indirect: instead of the series, full projected BRDF for direct light
       and the equivalent albedo at every encounter for the rest (2008, figure 7a).
 
-    Raises UnknownName, InvalidValue; also for a mix of the lights, which it does not have.
+    Raises UnknownName, InvalidValue; also for a mix of the lights and for paint, which it
+    does not have.
     """
     if factors(state):
         raise InvalidValue(
@@ -72,6 +73,12 @@ def series_image(
             "reset the lights, or path-trace without a series"
         )
     state = without_lights(state)
+    painted = [name for name, item in state.items() if item.strokes]
+    if painted:
+        raise InvalidValue(
+            f"{', '.join(painted)} is painted, and a picture with the series' approximations is "
+            "of uniform materials: path-trace without a series"
+        )
     if not series or any(n < 1 for n in series):
         raise InvalidValue(f"series must be numbers >= 1, like 64,1,1,1; got {tuple(series)}")
     coarse = series[1] if len(series) > 1 else 1
