@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import statistics
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,21 @@ from bench.timing import forget, interleaved, reader, seconds
 from burnish.core.types import Value
 from burnish.materials.parameter import Parameter
 from burnish.runtime.freeze import freeze
+from burnish.runtime.renderer import Renderer
 from burnish.session import Session
-from burnish.transport.frozen import Frozen
+from burnish.transport.contraction import lit_columns
+from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
 
 STEPS = 32
 
 
 def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
-    """Freeze one object and edit it. Milliseconds; "× bandwidth" over reading as many bytes."""
+    """Freeze one object and edit it. Milliseconds; "× bandwidth" over reading as many bytes.
+
+    A freeze is measured until its first frame could be drawn, with no column contraction kept
+    from earlier ones; a switch is from another object that has just been edited, first frame
+    included.
+    """
     bundle = burnish.open_bundle(path)
     source = next(iter(bundle.views.values()))
     index = (bundle.basis.index(object_id),)
@@ -33,17 +41,23 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
 
     # From memory, beside reading the blocks and what is made of them
     frozen = freeze(source, index, state)
-    stored = sum(pack.nbytes for pack in source.packs())
-    made = sum(part.nbytes for part in frozen.parts)
+    stacks = source.stacks()
+    stored = sum(stack.nbytes for stack in stacks)
+    made = sum(made_bytes(part) for part in frozen.parts)
+
+    def frozen_anew() -> None:
+        for stack in stacks:
+            stack.kept.clear()
+        Renderer(freeze(source, index, state))
+
     freezing = interleaved(
-        {"freeze": lambda: freeze(source, index, state), "read": reader(stored + made)},
-        max(3, repeats // 4),
+        {"freeze": frozen_anew, "read": reader(stored + made)}, max(3, repeats // 4)
     )
 
     # With nothing read, nor in the system's cache
     def thaw() -> None:
         view = next(iter(burnish.open_bundle(path).views.values()))
-        freeze(view, index, state)
+        Renderer(freeze(view, index, state))
 
     cold = []
     for _ in range(3):
@@ -59,7 +73,11 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
         session.set(name, place(parameter, (next(turn) % STEPS + 0.5) / STEPS))
         session.frame()
 
-    size = frame_bytes(frozen)
+    sizes = []
+    for _ in range(STEPS):
+        frame()
+        sizes.append(frame_bytes(frozen, session))
+    size = sum(sizes) // len(sizes)
     frames = interleaved({"frame": frame, "read": reader(size)}, repeats)
     return {
         "object": object_id,
@@ -70,11 +88,29 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
         "frame_bytes": size,
         "freeze_ms": 1e3 * freezing["freeze"],
         "freeze_bandwidth_ratio": freezing["freeze"] / freezing["read"],
+        "switch_ms": 1e3 * switching(session, object_id),
         "cold_ms": 1e3 * sorted(cold)[1],
         "frame_ms": 1e3 * frames["frame"],
         "frame_bandwidth_ratio": frames["frame"] / frames["read"],
         "gb_s": size / frames["read"] / 1e9,
     }
+
+
+def switching(session: Session, object_id: str) -> float:
+    """Seconds until an object shows its first frame, after another one was edited: median."""
+    other = next(info.id for info in session.objects if info.editable and info.id != object_id)
+    name, parameter = moving_parameter(session, other)
+    times = []
+    for turn in range(9):
+        session.set(name, place(parameter, (turn % STEPS + 0.5) / STEPS))
+        session.frame()
+
+        def switch() -> None:
+            session.select(object_id)
+            session.frame()
+
+        times.append(seconds(switch))
+    return statistics.median(times)
 
 
 def turn_up_gloss(session: Session, object_id: str) -> None:
@@ -109,11 +145,29 @@ def place(parameter: Parameter, t: float) -> Value:
     return low + (high - low) * t
 
 
-def frame_bytes(frozen: Frozen) -> int:
-    """What a frame must read at least: F of the targets, and once V of all other rows."""
-    own = sum(part.nbytes for part in frozen.parts if part.slice is not None)
-    others = any(part.slice is None for part in frozen.parts)
-    return own + int(others) * frozen.base.nbytes * len(frozen.powers.exponents)
+def made_bytes(part: FrozenPart | FoldedPart) -> int:
+    """What a freeze writes."""
+    if isinstance(part, FoldedPart):
+        return 0 if part.tails is None else part.tails.nbytes
+    return part.nbytes
+
+
+def frame_bytes(frozen: Frozen, session: Session) -> int:
+    """What a frame must touch at least: the lit columns of the targets' blocks, or their F; V
+    of all other rows; and the picture, written."""
+    size = 3 * 4 * frozen.width * frozen.height
+    for part in frozen.parts:
+        if not isinstance(part, FoldedPart):
+            size += part.nbytes
+            continue
+        stack = part.stack
+        size += part.nbytes - stack.core.nbytes
+        span = slice(part.slice.start, part.slice.stop)
+        weights = frozen.basis.column_coefficients(stack.object, session.state, stack.indirect)
+        for h in range(3):
+            lit = lit_columns(weights[span, h] * stack.scale[h])
+            size += stack.core[h].nbytes * (lit.stop - lit.start) // stack.columns
+    return size
 
 
 def main() -> None:

@@ -104,6 +104,7 @@ def run(quick: bool) -> Report:
                 "frozen MB": found["frozen_bytes"] / 1e6,
                 "freeze s": found["freeze_ms"] / 1e3,
                 "× bw": found["freeze_bandwidth_ratio"],
+                "switch s": found["switch_ms"] / 1e3,
                 "cold s": found["cold_ms"] / 1e3,
                 "fps": 1e3 / found["frame_ms"],
                 "fps × bw": found["frame_bandwidth_ratio"],
@@ -115,6 +116,10 @@ def run(quick: bool) -> Report:
         )
         goals.append(Goal(f"ranks {ranks}: freeze from memory, s", found["freeze_ms"] / 1e3, 0.5))
         goals.append(Goal(f"ranks {ranks}: freeze cold, s", found["cold_ms"] / 1e3, 3.0))
+        if not quick:
+            for what in ("freeze", "frame"):
+                ratio = found[f"{what}_bandwidth_ratio"]
+                goals.append(Goal(f"ranks {ranks}: {what} over memory bandwidth", ratio, 2.0))
     notes = (
         f"A made-up view of {size}×{size} pixels, seven objects of 1 + 64 columns, 120 tails "
         "(series 64,1,1,1), the edited wall on 22 % of the picture. The blocks hold random "

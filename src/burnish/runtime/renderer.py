@@ -83,10 +83,12 @@ class Renderer:
             return None
         picture = blank(self.frozen.width, self.frozen.height, 3)
         cells = contract([part.stack for part in folded], [numbers.own(part) for part in folded])
-        for part, found in zip(folded, cells, strict=True):
+        latents = parallel_map(
+            lambda part, found: _latent(part, found, numbers.powers), folded, cells
+        )
+        for part, latent in zip(folded, latents, strict=True):
             factor = numbers.outgoing(part)
             narrow = None if factor is None else _narrow(factor)
-            latent = _latent(part, found, numbers.powers)
             part.stack.expansion.add(latent, picture, narrow)
         return picture
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from burnish.core.parallel import parallel_map
+from burnish.core.parallel import core_count, parallel_map
 from burnish.core.types import AnyArray, Float32, Float64
 from burnish.transport.stack import Stack
 
@@ -21,8 +21,6 @@ _SAME = 2.0**-22
 """Relative coefficients that differ by less give the same single-precision light."""
 _DARK = 2.0**-26
 """Of the brightest column: what adds less to a cell than its last digit is not read."""
-_TASK = 8
-"""Chunks that one task contracts."""
 
 
 def contract(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contracted]:
@@ -38,15 +36,16 @@ def contract(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contra
                 wanted.append((stack, h, unit[:, h]))
     fresh = [np.empty(stack.cells, np.float32) for stack, _, _ in wanted]
     pieces = []
+    # Few tasks, since each costs, and enough to share out
+    task = max(sum(stack.core.shape[1] for stack, _, _ in wanted) // (4 * core_count()), 1)
     for (stack, h, unit), into in zip(wanted, fresh, strict=True):
         chunks, _, width = stack.core.shape[1:]
         light = unit * stack.scale[h]
-        lit = np.flatnonzero(np.abs(light) > _DARK * np.abs(light).max())
-        span = slice(int(lit[0]), int(lit[-1]) + 1)
+        span = lit_columns(light)
         own = light[span].astype(np.float32)
         pieces += [
-            (stack.core[h, at : at + _TASK, span], own, into[at * width : (at + _TASK) * width])
-            for at in range(0, chunks, _TASK)
+            (stack.core[h, at : at + task, span], own, into[at * width : (at + task) * width])
+            for at in range(0, chunks, task)
         ]
     if pieces:
         parallel_map(_contract_chunks, pieces)
@@ -54,14 +53,17 @@ def contract(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contra
         stack.kept[h] = unit, into
     return [
         (
-            [
-                stack.kept[h][1] if peak[h] else np.zeros(stack.cells, np.float32)
-                for h in range(3)
-            ],
+            [stack.kept[h][1] if peak[h] else np.zeros(stack.cells, np.float32) for h in range(3)],
             peak,
         )
         for stack, peak in zip(stacks, peaks, strict=True)
     ]
+
+
+def lit_columns(light: Float64) -> slice:
+    """The columns that a contraction reads, by how bright a cell they can make: float64 [c]."""
+    lit = np.flatnonzero(np.abs(light) > _DARK * np.abs(light).max())
+    return slice(int(lit[0]), int(lit[-1]) + 1) if len(lit) else slice(0, 0)
 
 
 def _contract_chunks(piece: tuple[AnyArray, Float32, Float32]) -> None:

@@ -21,6 +21,8 @@ _SIZES = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 56, 64
 """What a is padded to: a few sizes, so that one product serves many blocks."""
 _PER_CALL = 256
 """Blocks that one call multiplies; calls are shared out over the cores."""
+_FEW = 128
+"""Blocks below which threads cost more than they save."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,12 @@ class Expansion:
 
         # Each turn meets a square once at most
         for turn in sorted({group.turn for group in self.groups}):
-            parallel_map(work, [group for group in self.groups if group.turn == turn])
+            groups = [group for group in self.groups if group.turn == turn]
+            if sum(len(group.U) for group in groups) < _FEW:
+                for group in groups:
+                    work(group)
+            else:
+                parallel_map(work, groups)
 
     def of_rows(self, kept: AnyArray) -> Expansion:
         """The expansion to some rows alone, of rising indices; directions stay as they are."""
