@@ -214,6 +214,73 @@ def test_a_stroke_on_the_picture(page: Any, server: EditorServer, session: Sessi
     assert settled(page, server).tobytes() == first.tobytes()
 
 
+def test_every_brush_changes_its_parameter_where_it_goes(
+    page: Any, server: EditorServer, session: Session
+) -> None:
+    page.mouse.click(*point(page, 80, 50))
+    page.get_by_role("region", name="Material of ball").wait_for()
+    page.get_by_role("tab", name="Paint").click()
+    surface = session.surface("ball", "front")
+    y, x = np.divmod(surface.pixel, WIDTH)
+    distance = np.hypot(x - 80, y - 50)
+    near, far = distance < 3, distance > 18
+    assert near.any()
+    assert far.any()
+    page.get_by_role("radio", name="Blur").click()
+    box = page.get_by_role("textbox", name="Size (px)")
+    box.fill("7")
+    box.press("Enter")
+    page.evaluate("document.activeElement.blur()")
+
+    def moved(layer: str, parameter: str) -> np.ndarray:
+        canvas = server.engine.call(lambda: session.surface("ball", "front").canvas).result(20.0)
+        item = canvas.maps[layer, parameter]
+        return (item.scale[:-1] != 1) | (item.shift[:-1] != 0).any(axis=1)
+
+    for name, places in (
+        ("Specular intensity", [("specular", "weight")]),
+        ("Specular colour", [("specular", "color")]),
+        ("Sharpen", [("specular", "exponent")]),
+        ("Blur", [("specular", "exponent")]),
+        ("Metallic-ness", [("specular", "weight"), ("diffuse", "weight")]),
+        ("Diffuse colour", [("diffuse", "color")]),
+    ):
+        first = settled(page, server)
+        page.get_by_role("radio", name=name).click()
+        stroke(page, [(78, 50), (82, 50)])
+        painted = settled(page, server)
+        assert session.history[0] == [f"{name} on ball"]
+        assert set(surface.canvas.maps) == set(places)
+        for place in places:
+            assert moved(*place)[near].all()
+            assert not moved(*place)[far].any()
+        assert (painted != first).any()
+        if name != "Diffuse colour":
+            page.keyboard.press("Control+z")
+            assert settled(page, server).tobytes() == first.tobytes()
+
+    # The clone stamp takes what is about the place of the Alt-click, and the eraser takes it off
+    page.get_by_role("radio", name="Clone stamp").click()
+    page.keyboard.down("Alt")
+    page.mouse.click(*point(page, 80, 50))
+    page.keyboard.up("Alt")
+    below = np.hypot(x - 81, y - 63) < 3
+    assert below.any()
+    assert not moved("diffuse", "color")[below].any()
+    stroke(page, [(80, 63), (82, 63)])
+    settled(page, server)
+    assert session.history[0][-1] == "Clone stamp on ball"
+    assert moved("diffuse", "color")[below].all()
+    page.get_by_role("radio", name="Eraser").click()
+    box = page.get_by_role("textbox", name="Falloff")
+    box.fill("0")
+    box.press("Enter")
+    page.evaluate("document.activeElement.blur()")
+    stroke(page, [(80, 63), (82, 63)])
+    settled(page, server)
+    assert not moved("diffuse", "color")[below].any()
+
+
 def point_of(page: Any, pixel: tuple[int, int]) -> tuple[float, float]:
     """The middle of a pixel, where the mouse goes."""
     return pixel[0] + 0.5, pixel[1] + 0.5
