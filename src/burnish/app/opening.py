@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from burnish.transport.frozen import Frozen
 from burnish.transport.rows import Rows
 
 if TYPE_CHECKING:
+    from burnish.precompute.light_pictures import LightTracer
     from burnish.reference.truth import PathTracedTruth
     from burnish.scene import Scene
     from burnish.session import Session
@@ -138,13 +140,16 @@ class BundleTruth:
     """The `Truth` of a bundle and its `LightPictures`: path tracers on its scene, which is
     loaded when first asked.
 
-    bounces are the bundle's, so that what differs are bins, series and noise alone.
+    bounces are the bundle's, so that what differs are bins, series and noise alone. Both may be
+    asked from several threads; one at a time is answered.
     """
 
     def __init__(self, bundle: Bundle, source: str | Path | None = None) -> None:
         self._bundle = bundle
         self._source = source
         self._tracer: PathTracedTruth | None = None
+        self._lights: tuple[object, LightTracer] | None = None
+        self._alone = threading.Lock()
 
     @property
     def tracer(self) -> PathTracedTruth:
@@ -166,14 +171,19 @@ class BundleTruth:
         crop: Crop | None = None,
     ) -> Float32:
         """float32 [height, width, 3], linear RGB; with a crop, of its pixels alone."""
-        return self.tracer.render(state, view, spp, seed, progress, crop)
+        with self._alone:
+            return self.tracer.render(state, view, spp, seed, progress, crop)
 
     def light_pictures(
         self, state: State, view: str, groups: Sequence[LightGroup], spp: int, seed: int
     ) -> tuple[Float32, Float32]:
         """What each light group adds to a view; see `LightPictures`."""
-        scene = self.tracer.scene
-        from burnish.precompute.light_pictures import LightTracer
+        asked = view, dict(state), tuple(groups)
+        with self._alone:
+            scene = self.tracer.scene
+            from burnish.precompute.light_pictures import LightTracer
 
-        tracer = LightTracer(scene, scene.view(view), self._bundle.basis, state, groups)
-        return tracer.pictures(spp, seed)
+            if self._lights is None or self._lights[0] != asked:
+                tracer = LightTracer(scene, scene.view(view), self._bundle.basis, state, groups)
+                self._lights = asked, tracer
+            return self._lights[1].pictures(spp, seed)
