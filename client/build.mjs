@@ -6,7 +6,7 @@ import { join } from "node:path";
 const target = process.argv[2] ?? "../src/burnish/app/static";
 await mkdir(target, { recursive: true });
 await build({
-  entryPoints: ["src/main.tsx", "src/style.css"],
+  entryPoints: ["src/main.tsx", "src/socket.ts", "src/style.css"],
   outdir: target,
   bundle: true,
   minify: true,

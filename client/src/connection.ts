@@ -1,6 +1,7 @@
-// The websocket: it reconnects by itself and sends drags once per displayed frame.
-import { frameNumber, readFrame, type Frame } from "./frames";
+// The connection to the server: it reconnects by itself and sends drags once per displayed frame.
+import type { Frame } from "./frames";
 import { VERSION, type FromServer, type ToServer } from "./messages";
+import type { FromWorker, ToWorker } from "./worker_messages";
 
 export type Link = "connecting" | "open" | "lost" | "outdated";
 
@@ -15,62 +16,62 @@ export interface Handlers {
 const LONGEST_WAIT = 4000;
 
 export class Connection {
-  private socket: WebSocket | null = null;
+  private readonly worker: Worker;
+  private connected = false;
   private seq = 0;
   private wait = 250;
   private latest = new Map<string, ToServer>();
   private scheduled = false;
-  private frames: Promise<void> = Promise.resolve();
   private readonly client = Math.random().toString(36).slice(2, 12);
 
-  constructor(private readonly handlers: Handlers) {}
+  constructor(private readonly handlers: Handlers) {
+    this.worker = new Worker(new URL("socket.js", document.baseURI), { type: "module" });
+    this.worker.onmessage = ({ data }: MessageEvent<FromWorker>) => this.take(data);
+  }
 
   open(): void {
     this.handlers.onLink("connecting");
-    const url = new URL("socket", location.href);
-    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(url);
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    this.seq = 0;
-    socket.onopen = () => {
-      this.wait = 250;
-      this.send({ type: "Hello", version: VERSION, client: this.client });
-      this.handlers.onOpen();
-    };
-    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      if (typeof event.data === "string") {
-        const message = JSON.parse(event.data) as FromServer;
-        if (message.type === "Welcome") this.handlers.onLink("open");
-        this.handlers.onMessage(message);
-        return;
+    this.post({ kind: "open" });
+  }
+
+  private take(message: FromWorker): void {
+    switch (message.kind) {
+      case "open":
+        this.connected = true;
+        this.wait = 250;
+        this.seq = 0;
+        this.send({ type: "Hello", version: VERSION, client: this.client });
+        this.handlers.onOpen();
+        break;
+      case "text": {
+        const words = JSON.parse(message.text) as FromServer;
+        if (words.type === "Welcome") this.handlers.onLink("open");
+        this.handlers.onMessage(words);
+        break;
       }
-      const data = event.data;
-      const arrived = performance.now();
-      // In order, though inflating takes its time.
-      this.frames = this.frames
-        .then(() => readFrame(data, arrived))
-        .then((frame) => {
-          if (frame) this.handlers.onFrame(frame);
-        })
-        .catch((error: unknown) => {
-          console.error("frame dropped:", error);
-          // The server waits for word of it before it sends the next.
-          this.send({ type: "Shown", frame: frameNumber(data), held: 0 });
-        });
-    };
-    socket.onclose = (event) => {
-      if (this.socket !== socket) return;
-      this.socket = null;
-      this.latest.clear();
-      if (event.code === 4409) {
-        this.handlers.onLink("outdated");
-        return;
-      }
-      this.handlers.onLink("lost");
-      setTimeout(() => this.open(), this.wait);
-      this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
-    };
+      case "frame":
+        this.handlers.onFrame(message.frame);
+        break;
+      case "dropped":
+        console.error("frame dropped:", message.text);
+        // The server waits for word of it before it sends the next.
+        this.send({ type: "Shown", frame: message.frame, held: 0 });
+        break;
+      case "close":
+        this.connected = false;
+        this.latest.clear();
+        if (message.code === 4409) {
+          this.handlers.onLink("outdated");
+          return;
+        }
+        this.handlers.onLink("lost");
+        setTimeout(() => this.open(), this.wait);
+        this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
+    }
+  }
+
+  private post(message: ToWorker): void {
+    this.worker.postMessage(message);
   }
 
   /** Send now, after whatever waits for the next displayed frame. */
@@ -99,8 +100,8 @@ export class Connection {
   }
 
   private write(message: ToServer): void {
-    if (this.socket?.readyState !== WebSocket.OPEN) return;
+    if (!this.connected) return;
     this.seq += 1;
-    this.socket.send(JSON.stringify({ ...message, seq: this.seq }));
+    this.post({ kind: "send", text: JSON.stringify({ ...message, seq: this.seq }) });
   }
 }

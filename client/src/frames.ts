@@ -19,7 +19,7 @@ export interface Frame {
   /** The view's pixel that the first one lies on. */
   left: number;
   top: number;
-  /** When it arrived, by performance.now(). */
+  /** When it arrived, by the clock `now` of worker_messages.ts. */
   arrived: number;
   /** Float16 bit patterns [height, width, 3], or object numbers [height, width]. */
   pixels: Uint16Array;

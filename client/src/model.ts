@@ -22,6 +22,7 @@ import type {
   Value,
   Welcome,
 } from "./messages";
+import { now } from "./worker_messages";
 
 export const link = signal<Link>("connecting");
 export const welcome = signal<Welcome | null>(null);
@@ -228,7 +229,7 @@ export const shown = (frame: Frame): void => {
     connection.send({
       type: "Shown",
       frame: frame.frame,
-      held: (performance.now() - frame.arrived) / 1000,
+      held: (now() - frame.arrived) / 1000,
     });
   }
 };
