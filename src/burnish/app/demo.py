@@ -46,7 +46,7 @@ STEPS = 12
 def editor(scene: str) -> None:
     """Open the editor on a scene with no bake, until Ctrl+C; its address is printed."""
     click.echo(f"opening {scene} ...")
-    commands.edit(scene, None, "127.0.0.1", 0, no_browser=False)
+    commands.edit(scene, None, "127.0.0.1", 0, no_browser=False, light_groups=None)
 
 
 def demo(folder: Path, side: int, spp: int, truth_spp: int) -> None:
