@@ -56,7 +56,7 @@ def describe(folder: Path) -> dict[str, Any]:
             both_faces(upholstery((0.16, 0.006, 0.014), 0.55, 1.0)),
         ),
         "pedestal": solid(_pedestal(), folder / "pedestal.ply", glossy(0.1, (0.35, 0.33, 0.3))),
-        "nave": envmap(write_environment(NAVE, folder / "nave.exr", 512), 0.55),
+        "nave": envmap(write_environment(NAVE, folder / "nave.exr", 512), 0.7),
         "view": camera((0.6, -8.4, 3.5), (0.0, -0.3, -0.35), 34.0, (512, 512)),
     }
 
