@@ -64,9 +64,10 @@ class VariedTable:
 
     def begin(self, state: MaterialState, painted: Iterable[Place]) -> None:
         """Forget what was computed for a state that differs in more than painted values."""
-        own = self.material.linked(state).layers[self.layer.name]
-        hidden = {parameter: 0.0 for name, parameter in painted if name == self.layer.name}
-        own = replace(own, values={**own.values, **hidden})
+        layers = dict(state.layers)
+        for name, parameter in painted:
+            layers[name] = replace(layers[name], values={**layers[name].values, parameter: 0.0})
+        own = self.material.linked(MaterialState(layers)).layers[self.layer.name]
         if self._own != own:
             self._albedos, self._coarse = {}, {}
             self.version += 1
