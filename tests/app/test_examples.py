@@ -15,6 +15,8 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SMALL = {
     "before_and_after": ["out.png", "--side", "24", "--spp", "16"],
     "match_a_picture": ["out.png", "--side", "24", "--spp", "64"],
+    "gallery": ["out.png", "--height", "16", "--spp", "4", "--only", "earrings"],
+    "light_mix": ["out.png", "--width", "32", "--spp", "16"],
     "painting": ["out.png", "--width", "32", "--spp", "16"],
     "own_model": ["out.png", "--side", "24", "--spp", "16"],
 }
