@@ -12,7 +12,14 @@ import pytest
 
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import RGB
-from burnish.materials.lights import MOST_GROUPS, Light, grouped
+from burnish.materials.lights import (
+    MOST_GROUPS,
+    Light,
+    LightGroup,
+    LightState,
+    factors,
+    grouped,
+)
 from burnish.scene import Scene, load
 
 FILE = """<scene version="3.0.0">
@@ -150,3 +157,17 @@ def test_groups_that_cannot_be() -> None:
         grouped(LIGHTS, ["a=key+fill", "key"])
     with pytest.raises(InvalidValue, match="the group 'a' twice"):
         grouped(LIGHTS, ["a=key", "a=fill"])
+
+
+def test_a_solo_light_leaves_all_others_dark() -> None:
+    """Whether something is set on them, alone or in a group, or nothing is."""
+    one, two = LightGroup("key", ("key",)), LightGroup("warm", ("fill", "rim"))
+    state = {one.key: LightState(members=("key",), solo=True, intensity=2.0)}
+    expected = {"key": (2.0, 2.0, 2.0)}
+    dark = dict.fromkeys(("fill", "rim", "sky", "back"), (0.0, 0.0, 0.0))
+    assert factors(LIGHTS, state) == expected | dark
+    state[two.key] = LightState(members=("fill", "rim"), tint=(1.0, 0.5, 0.0))
+    assert factors(LIGHTS, state) == expected | dark
+    del state[one.key]
+    assert factors(LIGHTS, state) == dict.fromkeys(("fill", "rim"), (1.0, 0.5, 0.0))
+    assert factors(LIGHTS, {}) == {}

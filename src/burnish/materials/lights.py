@@ -143,11 +143,19 @@ def mix(groups: Sequence[LightGroup], state: Mapping[str, MaterialState]) -> Flo
     return result
 
 
-def factors(state: Mapping[str, MaterialState]) -> dict[str, RGB]:
-    """The factor of each light of the scene that is not as the scene has it."""
+def factors(lights: Iterable[Light], state: Mapping[str, MaterialState]) -> dict[str, RGB]:
+    """The factor of each light of a scene that is not as the scene has it.
+
+    lights: all of the scene's. A state names those that something is set on, alone or in
+    groups; the others are as the scene has them, or dark while one of those is solo.
+    """
     groups = [
         LightGroup(key.removeprefix(PREFIX), s.members) for key, s in lights_in(state).items()
     ]
+    named = {name for group in groups for name in group.members}
+    rest = tuple(light.name for light in lights if light.name not in named)
+    # No light has this name, so nothing is set on the group
+    groups.append(LightGroup("", rest))
     result: dict[str, RGB] = {}
     for group, (r, g, b) in zip(groups, mix(groups, state).tolist(), strict=True):
         if (r, g, b) != (1.0, 1.0, 1.0):

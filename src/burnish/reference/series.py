@@ -67,7 +67,7 @@ def series_image(
     Raises UnknownName, InvalidValue; also for a mix of the lights and for paint, which it
     does not have.
     """
-    if factors(state):
+    if factors(scene.lights, state):
         raise InvalidValue(
             "a picture with the series' approximations is of the lights as the scene has them: "
             "reset the lights, or path-trace without a series"

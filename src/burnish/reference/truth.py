@@ -92,7 +92,7 @@ class PathTracedTruth:
             for object_id, item in without_lights(state).items()
             if not is_initial(self.scene.object(object_id), item)
         }
-        mixed = factors(state)
+        mixed = factors(self.scene.lights, state)
         if (edited, mixed) != self._state:
             bsdfs = {
                 object_id: self._bsdf(self.scene.object(object_id), item)

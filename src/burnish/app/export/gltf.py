@@ -48,7 +48,7 @@ def write_gltf(scene: Scene, state: State, path: Path, binary: bool) -> Exported
         # Textures are embedded; the folder only holds what is evaluated on the way
         folder = Folder(Path(name) / "scene")
         tree = scene.tree
-        mixed = factors(state)
+        mixed = factors(scene.lights, state)
         if mixed:
             tree = scaled(tree, scene.lights, mixed, Path(name))
         writer = _Writer(scene, tree, folder)

@@ -51,7 +51,7 @@ def write_xml(scene: Scene, state: State, path: Path, plugin: bool = False) -> E
     stock one. Raises InvalidValue for a scene with ready-made Mitsuba objects.
     """
     result, folder = Exported(), Folder(path)
-    mixed = factors(state)
+    mixed = factors(scene.lights, state)
     tree = scene.tree
     if mixed:
         scaled_lights = folder.place("lights")
