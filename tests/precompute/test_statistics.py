@@ -5,14 +5,42 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from burnish.core.types import Float32, Float64
 from burnish.reference import Estimate
 from tests.precompute.pictures import Picture, same
 from tests.precompute.verdict import verdict_of
+from tests.verify.pictures import Pair, certainty
 
 SHAPE = (24, 24, 3)
 TRIALS = 400
+
+
+def halves(rng: np.random.Generator, mean: Float64, sigma: float) -> Pair:
+    first, second = (rng.normal(mean, sigma).astype(np.float32) for _ in range(2))
+    return first, second
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8])
+def test_a_ratio_at_its_limit_is_a_standard_normal_away(share: float) -> None:
+    """Errors whose ratio is exactly the limit: certainty has mean 0 and deviation 1."""
+    rng = np.random.default_rng(1)
+    truth = rng.uniform(0.5, 1.5, SHAPE)
+    error = rng.normal(0, 0.05, SHAPE)
+    other = share * error + (1 - share) * rng.normal(0, 0.05, SHAPE)
+    limit = float(np.linalg.norm(error) / np.linalg.norm(other))
+    z = []
+    for _ in range(TRIALS):
+        reference = halves(rng, truth, 0.04)
+        ours = halves(rng, truth + error, 0.06)
+        plainer = halves(rng, truth + other, 0.02)
+        z.append(certainty(ours, plainer, reference, limit))
+    # Mean and variance of TRIALS numbers, at four standard errors
+    assert abs(np.mean(z)) < 4 / np.sqrt(TRIALS)
+    assert abs(np.var(z) - 1) < 4 * np.sqrt(2 / TRIALS)
+    assert certainty(ours, plainer, reference, 2 * limit) > 4
+    assert certainty(ours, plainer, reference, limit / 2) < -4
 
 
 def estimate(image: Float64, sigma: float) -> Estimate:

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 import burnish
 from burnish.compare import metrics
 from burnish.compare.metrics import Metrics
-from burnish.core.types import Float32, Value
+from burnish.core.types import Float32, Float64, Value
 from burnish.reference import Estimate, PathTracedTruth
 from burnish.scene import Scene
 from burnish.session import Session
@@ -17,6 +19,9 @@ from burnish.transport.basis import State
 
 Edits = Mapping[str, Value]
 """Path of a parameter to its value, as for `Session.set`."""
+
+Pair = tuple[Float32, Float32]
+"""Two independent estimates of one picture, directly seen emission left out."""
 
 
 @dataclass
@@ -58,7 +63,7 @@ class Halves:
                 session.set(path, value)
         return self.sessions[0].state
 
-    def frames(self) -> tuple[Float32, Float32]:
+    def frames(self) -> Pair:
         """Each half's picture without the emission that its own samples saw directly."""
         first, second = (
             session.frame() - next(iter(session.views.values())).emission
@@ -69,19 +74,60 @@ class Halves:
 
 @dataclass
 class Found:
-    """A comparison and its two pictures, directly seen emission left out."""
+    """A comparison, its two pictures and their halves, directly seen emission left out."""
 
     metrics: Metrics
     image: Float32
     reference: Float32
+    halves: Pair
+    reference_halves: Pair
 
 
-def compare(halves: tuple[Float32, Float32], truth: Estimate) -> Found:
+def compare(halves: Pair, truth: Estimate) -> Found:
     """Two halves of our picture against the two of the truth."""
     first, second = (
         half - seen for half, seen in zip(truth.halves, truth.emission_halves, strict=True)
     )
-    return Found(metrics(halves, (first, second)), (halves[0] + halves[1]) / 2, truth.reflected)
+    return Found(
+        metrics(halves, (first, second)),
+        (halves[0] + halves[1]) / 2,
+        truth.reflected,
+        halves,
+        (first, second),
+    )
+
+
+def certainty(ours: Pair, plainer: Pair, truth: Pair, limit: float) -> float:
+    """By how many standard errors our error is below `limit` times that of a plainer picture.
+
+    Both against the same truth. With I, P, R the means of the halves and i, p, r half of what
+    the halves differ by, (I − R)² − i² − r² estimates our squared error E without bias, and so
+    does the plainer one's E'. To first order in the noise, and for the part that is noise
+    alone, i, p and r move limit² E' − E by
+
+        2 [limit² (P − R) · (p − r) − (I − R) · (i − r)]
+
+    in each pixel, whose squares sum to the variance. The noise is all that it holds: pictures
+    of the same scene do not vary otherwise.
+    """
+    (I, i), (P, p), (R, r) = (
+        ((a.astype(np.float64) + b) / 2, (a.astype(np.float64) - b) / 2)
+        for a, b in (ours, plainer, truth)
+    )
+    square = limit**2
+    mine, other = _dot(I - R, I - R) - _dot(i, i), _dot(P - R, P - R) - _dot(p, p)
+    margin = square * (other - _dot(r, r)) - (mine - _dot(r, r))
+    moved = (
+        _dot(I - R, i) ** 2
+        + (square * _dot(P - R, p)) ** 2
+        + _dot(I - R - square * (P - R), r) ** 2
+    )
+    return float(margin.sum() / (2 * np.sqrt(moved.sum())))
+
+
+def _dot(a: Float64, b: Float64) -> Float64:
+    """Of the colours of each pixel: [height, width]."""
+    return np.asarray((a * b).sum(axis=-1))
 
 
 def against_truth(
