@@ -294,3 +294,35 @@ def test_a_selection_that_ends_every_worker_is_given_up(
     # Another one is traced as if nothing had happened
     session.select("right")
     assert session.frame().mean() > 0.01
+
+
+TWO_VIEWS = """<scene version="3.0.0">
+  <emitter type="constant"/>
+  <shape type="sphere" id="ball"><bsdf type="roughplastic"/></shape>
+  <sensor type="perspective" id="front">
+    <transform name="to_world"><lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="24"/>
+      <integer name="height" value="24"/></film>
+  </sensor>
+  <sensor type="perspective" id="side">
+    <transform name="to_world"><lookat origin="4, 0, 0" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="24"/>
+      <integer name="height" value="24"/></film>
+  </sensor>
+</scene>"""
+
+
+def test_views_that_are_looked_at_get_the_samples(tmp_path: Path) -> None:
+    (tmp_path / "two.xml").write_text(TWO_VIEWS, "utf-8")
+    with burnish.edit(tmp_path / "two.xml") as live:
+        front, side = live.views["front"], live.views["side"]
+        assert isinstance(front, LiveView)
+        assert isinstance(side, LiveView)
+        side.watch(True)
+        live.select("ball")
+        live.frame("side")
+        until(lambda: side.samples >= 100)
+        assert 0 < front.samples < side.samples / 4
+        side.watch(False)
+        front.watch(True)
+        until(lambda: front.samples > side.samples)

@@ -84,6 +84,7 @@ class LiveStudio:
         self._failure: w.Failed | None = None
         self._closed = False
         self._outbox: deque[object] = deque()
+        self._shown: frozenset[str] = frozenset()
         self.restarts = 0
         self._deaths = 0
         self.views: dict[str, LiveView] = {}
@@ -178,6 +179,7 @@ class LiveStudio:
                 self._changed.notify_all()
             return
         with self._changed:
+            self._send(w.Watch(tuple(sorted(self._shown))))
             waiting = any(isinstance(message, w.Select) for message in self._outbox)
             if self._request is None or waiting:
                 return
@@ -223,6 +225,15 @@ class LiveStudio:
     def pause(self, paused: bool = True) -> None:
         """Stop refining, or go on."""
         self._send(w.Pause(paused))
+
+    def watch(self, name: str, shown: bool) -> None:
+        """Say whether a view is looked at: such views get most of the samples."""
+        with self._changed:
+            others = self._shown - {name}
+            now = others | {name} if shown else others
+            if now != self._shown:
+                self._shown = now
+                self._send(w.Watch(tuple(sorted(now))))
 
     def follow(self, state: State) -> None:
         """Let the samples to come follow the current look."""
@@ -347,6 +358,21 @@ class LiveView:
         """Directly seen emission: float32 [height, width, 3], or [lights, height, width, 3]."""
         size = int(np.prod(self._shape))
         return self._data[size : 2 * size].reshape(self._shape)
+
+    @property
+    def coarser(self) -> bool:
+        """Whether the estimate has fewer bins than the session's, for want of memory."""
+        mapped = self._mapped
+        return mapped is not None and any(
+            ours.bins < theirs.bins
+            for mine, item in zip(mapped.basis.objects, self.basis.objects, strict=True)
+            for ours, theirs in zip(mine.material.layers, item.material.layers, strict=True)
+            if ours.model == theirs.model
+        )
+
+    def watch(self, shown: bool) -> None:
+        """Say whether the view is looked at."""
+        self._studio.watch(self.name, shown)
 
     def ready(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether `freeze` answers at once; begins what it would wait for.

@@ -32,6 +32,8 @@ Models = dict[str, dict[str, Replacement]]
 
 PUBLISH_SECONDS = 1.0
 ENOUGH_SAMPLES = 1 << 16
+UNSEEN_SHARE = 16
+"""How many times fewer samples a view gets while nobody looks at it."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,13 @@ class Follow:
     """Let sampling follow these materials; nothing is lost."""
 
     state: State
+
+
+@dataclass(frozen=True)
+class Watch:
+    """These views are looked at; the others need not be as clean."""
+
+    views: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -222,6 +231,7 @@ class _Worker:
         self.files: dict[str, tuple[Float32, list[Float32]]] = {}
         self.published: dict[str, _Sent] = {}
         self.models: Models = {}
+        self.watched: tuple[str, ...] = ()
         self.serial = 0
         self.paused = False
         self.truth: Any = None
@@ -274,6 +284,8 @@ class _Worker:
             if _models(message.state) == self.models:
                 for estimate in self.estimates.values():
                     estimate.follow(message.state)
+        elif isinstance(message, Watch):
+            self.watched = message.views
         elif isinstance(message, Pause):
             self.paused = message.paused
         elif isinstance(message, Render):
@@ -345,11 +357,21 @@ class _Worker:
         )
 
     def _unfinished(self) -> str | None:
-        """The view with the fewest samples, while there is one to refine."""
-        if not self.estimates:
-            return None
-        name = min(self.estimates, key=lambda view: self.estimates[view].samples)
-        return name if self.estimates[name].samples < ENOUGH_SAMPLES else None
+        """The view with the fewest samples, while there is one to refine.
+
+        Views that nobody looks at have a sixteenth of the others' and come after them.
+        """
+        left = {
+            view: estimate.samples
+            for view, estimate in self.estimates.items()
+            if estimate.samples < ENOUGH_SAMPLES
+        }
+
+        def rank(view: str) -> tuple[int, bool]:
+            shown = not self.watched or view in self.watched
+            return left[view] * (1 if shown else UNSEEN_SHARE), not shown
+
+        return min(left, key=rank, default=None)
 
     def _refine(self) -> None:
         import drjit as dr

@@ -220,6 +220,7 @@ class Engine:
     def _farewell(self, box: Mailbox) -> None:
         if box in self.pages.boxes:
             self.pages.boxes.remove(box)
+            self._out.tell_transports()
         self._painting.farewell(box)
         self._actions.farewell(box)
 

@@ -25,6 +25,7 @@ from burnish.core.errors import BurnishError, InvalidValue
 from burnish.core.types import Float32
 from burnish.materials.layer import Replacement
 from burnish.session import Session
+from burnish.transport.frozen import Transport
 
 log = logging.getLogger("burnish.editor")
 
@@ -126,9 +127,17 @@ class Publishing:
 
     def watched(self, box: Mailbox) -> None:
         """A page has begun to show other views: send it what there is of them."""
+        self.tell_transports()
         for index, view in enumerate(self._pages.views):
             if box.watches(index):
                 self._show_all(box, view)
+
+    def tell_transports(self) -> None:
+        """Live views that are looked at get most of the samples."""
+        for index, view in enumerate(self._pages.views):
+            watch = getattr(self._session.views[view], "watch", None)
+            if watch is not None:
+                watch(self._pages.watch(index))
 
     def _show_all(self, box: Mailbox, view: str) -> None:
         if view in self._object_frames:
@@ -377,7 +386,7 @@ class Publishing:
         view = min(shown, key=lambda name: samples_of(self._session.views[name]))
         samples = samples_of(self._session.views[view])
         noise = self._meters[view].noise(samples)
-        text = _progress_text(samples, view in self._waiting)
+        text = _progress_text(self._session.views[view], view in self._waiting)
         if view in self._waiting and self._session.light_mix.notice(view, self._session.state):
             text = "tracing the lights …"
         return m.Progress(
@@ -391,10 +400,13 @@ class Publishing:
         )
 
 
-def _progress_text(samples: int, waiting: bool) -> str:
+def _progress_text(transport: Transport, waiting: bool) -> str:
+    samples = samples_of(transport)
     if samples < 0:
         return ""
     if waiting or samples == 0:
         return "tracing the selection …"
     words = f"{samples} sample{'' if samples == 1 else 's'}"
+    if getattr(transport, "coarser", False):
+        words += ", fewer bins for want of memory"
     return f"tracing … {words}" if samples < ENOUGH_SAMPLES else words
