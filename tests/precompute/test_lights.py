@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from burnish.compare import ztest
-from burnish.materials.lights import LightState, each
+from burnish.core.errors import TooLarge
+from burnish.materials.lights import LightGroup, LightState, each
+from burnish.precompute import plan
 from burnish.precompute.light_pictures import LightTracer
 from burnish.precompute.plan import basis_for
 from burnish.reference import PathTracedTruth
 from burnish.scene import Scene, load
 from burnish.scene.examples import catalogue
-from burnish.transport.basis import Basis, State, initial_state
+from burnish.transport.basis import Basis, EditableObject, State, initial_state
+from burnish.transport.rows import Rows
 from tests.precompute import worlds
 from tests.precompute.pictures import Look, accumulator, pictures, same
 from tests.reference.worlds import lambert
@@ -130,3 +133,19 @@ def test_pictures_of_each_light_are_mitsuba_s_with_the_others_muted() -> None:
         mean, variance = light[:, g].mean(axis=0), light[:, g].var(axis=0, ddof=1) / len(light)
         result = ztest(mean, variance, truth.reflected, truth.variance)
         assert result.passed, str(result)
+
+
+def test_the_check_of_sizes_counts_the_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = Basis((EditableObject("a", lambert(worlds.GREY)),), (1, 1, 1))
+    apart = replace(plain, lights=(LightGroup("a", ("a",)), LightGroup("b", ("b",))))
+    rows = replace(
+        Rows.empty(),
+        pixel=np.arange(64, dtype=np.int32),
+        object=np.zeros(64, np.int32),
+        indirect=np.zeros(64, np.bool_),
+    )
+    assert (plan.row_bytes(apart, rows) == 2 * plan.row_bytes(plain, rows)).all()
+    monkeypatch.setattr(plan, "TILE_BYTES", int(1.5 * plan.row_bytes(plain, rows).sum()))
+    assert len(plan.tiles_for(plain, rows, 8, 8)) == 1
+    with pytest.raises(TooLarge, match=r"fewer light groups \(now 2\)"):
+        plan.tiles_for(apart, rows, 8, 8)
