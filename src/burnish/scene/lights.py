@@ -173,7 +173,9 @@ def _scale_property(tree: Tree, node: int, name: str, factor: RGB, folder: Path)
             for inner in ("color0", "color1"):
                 _scale_property(tree, texture, inner, factor, folder)
             return
-    tree.node(node).props[name] = mi.ScalarColor3d(np.multiply(_as_rgb(tree, node, value), factor).tolist())
+    tree.node(node).props[name] = mi.ScalarColor3d(
+        np.multiply(_as_rgb(tree, node, value), factor).tolist()
+    )
 
 
 def _as_rgb(tree: Tree, node: int, value: Any) -> RGB:
