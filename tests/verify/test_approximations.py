@@ -102,4 +102,4 @@ def test_the_caustic_of_the_ring(
 def test_the_teatray(figures: Figures, tmp_path: Path) -> None:
     """The teatray at (128, 8, 1) against (128, 1, 1)."""
     scene = load("teatray", resolution=(24, 18))
-    with_and_without(figures, scene, tmp_path, (128, 8, 1), {}, 65536)
+    with_and_without(figures, scene, tmp_path, (128, 8, 1), {}, 131072)
