@@ -42,9 +42,7 @@ def test_materialx_goes_out_and_comes_in(burnish: Runner, tmp_path: Path) -> Non
 
 def test_bad_exports_are_one_line(burnish: Runner, tmp_path: Path) -> None:
     for arguments, message in (
-        (("-o", "box.foo"), "one of .xml, .mtlx"),
         (("-o", "box.xml", "--format", "usd"), "--format must be one of"),
-        (("-o", "no/box.xml"), "mkdir -p no"),
         (("-o", "box.xml", "--object", "teapot"), "no object named 'teapot'"),
         (("-o", "box.xml", "--materialx", "gone.mtlx"), "no MaterialX file"),
     ):

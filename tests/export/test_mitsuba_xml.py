@@ -185,6 +185,21 @@ def test_lights_are_exported_as_they_are_mixed(
     np.testing.assert_allclose(fresh(place), own(room, state), rtol=1e-4, atol=1e-5)
 
 
+def test_a_scene_with_nothing_to_edit_is_exported_all_the_same(tmp_path: Path) -> None:
+    scene = load(
+        {
+            "type": "scene",
+            "glass": {"type": "sphere", "bsdf": {"type": "dielectric"}},
+            "sky": {"type": "constant"},
+            "view": {"type": "perspective"},
+        }
+    )
+    burnish.export(scene, tmp_path / "glass.xml")
+    assert load(tmp_path / "glass.xml").object("glass").plugin == "dielectric"
+    with pytest.raises(InvalidValue, match="no editable material"):
+        burnish.export(scene, tmp_path / "glass.mtlx")
+
+
 def test_bad_requests_say_what_to_do(room: Scene, tmp_path: Path) -> None:
     with pytest.raises(InvalidValue, match=r"\.xml, \.mtlx, \.glb"):
         burnish.export(room, tmp_path / "room.foo")

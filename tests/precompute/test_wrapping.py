@@ -116,6 +116,6 @@ def test_wrappings_are_traced_without_bias(textures: dict[str, Any]) -> None:
         {"type": "mask", "opacity": 0.7, "bsdf": kinds["two faces outside"]},
         {"type": "mask", "opacity": textures["holes"], "bsdf": kinds["bump map"]},
     )
-    result, ours = verdict(scene, (32, 8, 1), spp=2048)
+    result, ours = verdict(scene, (32, 8, 1), spp=1024)
     assert result.passed, str(result)
     assert ours.lost == 0

@@ -231,6 +231,7 @@ def export(
     from burnish.app.export import format_of
 
     kind = format_of(output, kind)
+    session: Session | None = None
     if opening.names_bundle(source):
         bundle = opening.open_bundle(source)
         session = opening.session_for(bundle)
@@ -238,12 +239,12 @@ def export(
         loaded = opening.scene_of(bundle, scene)
     else:
         loaded = burnish.load(source)
-        session = opening.edits_for(loaded)
-        make_edits(session, edits, assignments, looks)
+        if edits or assignments or looks:
+            session = opening.edits_for(loaded)
+            make_edits(session, edits, assignments, looks)
     chosen = split_list(objects) or None
-    written = burnish.export(
-        loaded, output, session.materials, format=kind, objects=chosen, plugin=plugin
-    )
+    state = session.materials if session else None
+    written = burnish.export(loaded, output, state, format=kind, objects=chosen, plugin=plugin)
     for remark in written.remarks:
         click.echo(remark)
     for file in written.files[:1] if kind != "merl" else written.files:

@@ -67,6 +67,8 @@ def export(
     if plugin and kind != "mitsuba":
         raise InvalidValue("--plugin is for Mitsuba XML alone; leave it out")
     chosen = _chosen(scene, state or {}, objects)
+    if not chosen and kind in ("materialx", "merl"):
+        raise InvalidValue(f"{scene.name} has no editable material to write; see burnish info")
     lights = lights_in(state or {})
     try:
         result = _write(scene, chosen, {**chosen, **lights}, place, kind, plugin)
@@ -87,7 +89,8 @@ def _chosen(
 ) -> dict[str, MaterialState]:
     """The states to write, by object, in the scene's order."""
     found = {}
-    for item in scene.editable(objects):
+    items = [item for item in scene.objects if item.editable]
+    for item in items if objects is None else scene.editable(objects):
         assert item.material is not None
         found[item.id] = state.get(item.id, item.material.initial)
     for object_id in without_lights(state):
