@@ -19,6 +19,7 @@ import numpy as np
 from burnish.app import worker as w
 from burnish.core.errors import BurnishError, SceneError
 from burnish.core.types import Crop, Float32, Progress
+from burnish.materials.layer import unpainted
 from burnish.materials.lights import LightGroup, each, without_lights
 from burnish.transport.basis import Basis, State, initial_state
 from burnish.transport.frozen import Frozen, FrozenPart
@@ -238,7 +239,7 @@ class LiveStudio:
     def follow(self, state: State) -> None:
         """Let the samples to come follow the current look."""
         if self._request is not None and self._request.targets:
-            self._send(w.Follow(without_lights(state)))
+            self._send(w.Follow(unpainted(without_lights(state))))
 
     def select(self, targets: tuple[str, ...], state: State) -> None:
         """Ask for an estimate with these objects symbolic, unless it is the one that runs."""

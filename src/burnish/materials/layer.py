@@ -147,6 +147,13 @@ class MaterialState:
         return {name: item for name, item in found.items() if item is not None}
 
 
+def unpainted(state: Mapping[str, MaterialState]) -> dict[str, MaterialState]:
+    """The same materials by name without their strokes, which tracing needs nothing of."""
+    return {
+        name: replace(item, strokes=()) if item.strokes else item for name, item in state.items()
+    }
+
+
 @dataclass(frozen=True)
 class Link:
     """A parameter that always has the value of another layer's: a coat's base knows its ior.

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from burnish.core.types import Float32, Int32
+from burnish.materials.layer import unpainted
 from burnish.materials.lights import mix
 from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.freeze import BakedTransport
@@ -52,7 +53,7 @@ class ViewPictures:
         if self._frozen is None or not self._holds(self._frozen, targets, state):
             # Let go of the old form first: two of them may not fit
             self._frozen = self._painted = None
-            frozen = self.transport.freeze(targets, state)
+            frozen = self.transport.freeze(targets, unpainted(state))
             self._frozen = _Frozen(targets, state, frozen.revision, frozen)
         return self._frozen
 
@@ -100,7 +101,7 @@ class ViewPictures:
     def ready(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether `renderer` answers at once; a live transport begins what it would wait for."""
         ready = getattr(self.transport, "ready", None)
-        return ready is None or bool(ready(targets, state))
+        return ready is None or bool(ready(targets, unpainted(state)))
 
     def _only_lights_change(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether the mix of the lights is what is being edited: then it alone is symbolic."""
