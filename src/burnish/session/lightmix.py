@@ -63,6 +63,15 @@ class _Images:
         )
 
 
+@dataclass(frozen=True)
+class _Ratio:
+    """Σ_g m_g s_g of a view, and what it was made of."""
+
+    images: _Images
+    factors: Float64
+    values: Float32
+
+
 class LightMix:
     """Mixes the pictures of a session's views.
 
@@ -77,7 +86,7 @@ class LightMix:
         self.background = False
         self.revision = 0
         self._images: dict[str, _Images] = {}
-        self._ratios: dict[tuple[str, bool], tuple[object, Float32]] = {}
+        self._ratios: dict[tuple[str, bool], _Ratio] = {}
         self._changed = threading.Condition()
         self._busy = False
         self._next_pass = 0.0
@@ -131,12 +140,12 @@ class LightMix:
 
     def _ratio(self, view: str, factors: Float64, images: _Images, emission: bool) -> Float32:
         """Σ_g m_g s_g, kept from frame to frame: float32 [height, width, 3]."""
-        key = images.samples, id(images), factors.tobytes()
         known = self._ratios.get((view, emission))
-        if known is None or known[0] != key:
+        if known is None or known.images is not images or (known.factors != factors).any():
             of = images.emission if emission else images.images
-            known = self._ratios[view, emission] = key, ratio(of, factors)
-        return known[1]
+            known = _Ratio(images, factors, ratio(of, factors))
+            self._ratios[view, emission] = known
+        return known.values
 
     def _for(self, view: str, state: State) -> _Images:
         """The images to mix by: of these materials, or in the background the latest."""
