@@ -33,15 +33,18 @@ P.drawArrays = function (...a) {
   if (fresh) { fresh = false; window.drawn.push(performance.now()); }
   return result;
 };
+const slider = () => document.querySelector('input[type=range][aria-label="Exponent"]');
+window.hold = () => slider().dispatchEvent(new PointerEvent('pointerdown', { bubbles: true }));
+window.release = () => window.dispatchEvent(new PointerEvent('pointerup', { bubbles: true }));
 window.slide = (value) => {
-  const slider = document.querySelector('input[type=range][aria-label="Exponent"]');
-  slider.value = value;
-  slider.dispatchEvent(new Event('input', { bubbles: true }));
+  slider().value = value;
+  slider().dispatchEvent(new Event('input', { bubbles: true }));
 };
 """
 
 LATENCY = """async (repeats) => {
   const pause = (ms) => new Promise((done) => setTimeout(done, ms)), result = [];
+  window.hold();
   for (let i = 0; i < repeats; i++) {
     const before = window.drawn.length, start = performance.now();
     window.slide(300 + 5 * (i % 60));
@@ -49,16 +52,20 @@ LATENCY = """async (repeats) => {
     result.push((window.drawn[before] ?? performance.now()) - start);
     await pause(250 + 40 * Math.random());
   }
+  window.release();
   return result;
 }"""
 
 RATE = """async (ms) => {
+  window.hold();
   const before = window.drawn.length, start = performance.now();
   for (let i = 0; performance.now() < start + ms; i++) {
     window.slide(200 + ((3 * i) % 600));
     await new Promise(requestAnimationFrame);
   }
-  return (1000 * (window.drawn.length - before)) / (performance.now() - start);
+  const rate = (1000 * (window.drawn.length - before)) / (performance.now() - start);
+  window.release();
+  return rate;
 }"""
 
 

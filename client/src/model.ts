@@ -98,6 +98,8 @@ export const selectedObject = computed<ObjectData | null>(
   () => objects.value.find((item) => item.id === selected.value[0]) ?? null,
 );
 
+const DRAG_STATE_MS = 120;
+
 type FrameListener = (frame: Frame) => void;
 const listeners = new Set<FrameListener>();
 const latest = new Map<string, Frame>();
@@ -128,7 +130,27 @@ function renew(target: Signal<string[]>, next: string[]): void {
   if (now.length !== next.length || now.some((text, i) => text !== next[i])) target.value = next;
 }
 
+let dragging = false;
+/** The State that a drag has kept waiting, and when it is taken up. */
+let waitingState: State | null = null;
+let stateTimer = 0;
+
+/** While something is dragged, the panels are drawn anew a few times a second: the hand's own
+ * control shows its value by itself, and the picture has the processor. */
 function onState(message: State): void {
+  waitingState = waitingState
+    ? { ...message, materials: { ...waitingState.materials, ...message.materials } }
+    : message;
+  if (!dragging) takeState();
+  else if (!stateTimer) stateTimer = window.setTimeout(takeState, DRAG_STATE_MS);
+}
+
+function takeState(): void {
+  clearTimeout(stateTimer);
+  stateTimer = 0;
+  const message = waitingState;
+  waitingState = null;
+  if (!message) return;
   batch(() => {
     if (Object.keys(message.materials).length > 0) {
       materials.value = { ...materials.peek(), ...message.materials };
@@ -238,8 +260,6 @@ export const shown = (frame: Frame): void => {
 
 export const select = (ids: string[]): void => connection.send({ type: "Select", objects: ids });
 
-let dragging = false;
-
 /** A drag begins: what it sets is one step of undo. */
 export function beginDrag(): void {
   if (!dragging) connection.send({ type: "Gesture", active: true });
@@ -249,6 +269,7 @@ export function beginDrag(): void {
 export function endDrag(): void {
   if (dragging) connection.send({ type: "Gesture", active: false });
   dragging = false;
+  takeState();
 }
 
 export const setValue = (path: string, value: Value): void =>

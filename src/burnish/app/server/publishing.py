@@ -34,7 +34,7 @@ REST_SECONDS = 0.15
 LIGHTS_AFTER = 64
 """Samples per pixel of a live view after which its lights are traced, unless they are mixed
 before."""
-_CURVE_SECONDS = 0.06
+_CURVE_SECONDS = 0.1
 _PROGRESS_SECONDS = 0.25
 
 
