@@ -14,7 +14,7 @@ import pytest
 from burnish.core.errors import InvalidValue, MissingRayTracer, SceneError, UnknownName
 from burnish.core.types import Float32
 from burnish.materials.lights import LightGroup, lights_in, mix
-from burnish.session import Session
+from burnish.session import Session, lightmix
 from burnish.session.fitting import fit
 from burnish.session.lightmix import ratio
 from burnish.transport.basis import State
@@ -257,3 +257,23 @@ def test_a_fit_under_shares_is_refused_and_under_groups_is_not() -> None:
     grouped.undo()
     found = fit(grouped, wish, objects=["box"], parameters=["diffuse.color"])
     assert found.values["box.diffuse.color"] == pytest.approx((0.6, 0.6, 0.6), abs=1e-3)
+
+
+def test_a_tracer_that_comes_back_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lightmix, "RETRY_SECONDS", 0.01)
+    tracer = Shares(failing=True)
+    session = by_shares(tracer)
+    session.light_mix.background = True
+    session.set("light:lamp.on", False)
+    until_ready(session)
+    with pytest.raises(SceneError, match="the scene is gone"):
+        session.frame()
+    tracer.failing = False
+    revision, end = session.light_mix.revision, time.monotonic() + 60
+    while session.light_mix.revision == revision or session.light_mix.notice(
+        "front", session.state
+    ):
+        assert time.monotonic() < end
+        session.ready()
+        time.sleep(0.01)
+    session.frame()

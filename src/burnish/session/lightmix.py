@@ -34,6 +34,9 @@ from burnish.transport.protocols import LightPictures
 PASS_SAMPLES = 16
 """Samples per pixel after which new shares are shown: a second's work at most."""
 
+RETRY_SECONDS = 5.0
+"""After so long what failed is tried again, and then after twice as long each time."""
+
 WAITED_SAMPLES = 64
 """Samples per pixel of shares that a picture waits for."""
 
@@ -91,6 +94,7 @@ class LightMix:
         self._busy = False
         self._next_pass = 0.0
         self._failure: tuple[dict[str, MaterialState], str] | None = None
+        self._patience = RETRY_SECONDS
 
     def factors(self, state: State) -> Float64 | None:
         """The mix of a state, float64 [lights, 3], or None where every light is as it was."""
@@ -189,7 +193,8 @@ class LightMix:
             same = images is not None and images.materials == materials
             enough = same and images is not None and images.samples >= ENOUGH_SAMPLES
             later = same and time.monotonic() < self._next_pass
-            if self._busy or enough or later or self._failed(materials) is not None:
+            waits = self._failed(materials) is not None and time.monotonic() < self._next_pass
+            if self._busy or enough or later or waits:
                 return
             self._busy = True
             samples = images.samples if same and images is not None else 0
@@ -212,8 +217,12 @@ class LightMix:
             # What only refines leaves two thirds of the time to the picture itself
             self._next_pass = 3 * time.monotonic() - 2 * start
             if fresh is None:
+                # A tracing process that ended comes back; a scene that is gone rarely does
+                self._next_pass = time.monotonic() + self._patience
+                self._patience *= 2
                 self._failure = materials, failure
             else:
+                self._patience = RETRY_SECONDS
                 known = self._images.get(view)
                 if known is not None and known.materials == materials:
                     fresh = known.joined(fresh)
