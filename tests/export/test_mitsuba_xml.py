@@ -181,7 +181,7 @@ def test_lights_are_exported_as_they_are_mixed(
 
     state = {**session.materials, "light:lamp": LightState(members=("lamp",), intensity=0.25)}
     place = tmp_path / "dim.xml"
-    burnish.export(room, place, state)
+    assert burnish.export(room, place, state).files[0] == place
     np.testing.assert_allclose(fresh(place), own(room, state), rtol=1e-4, atol=1e-5)
 
 
@@ -195,7 +195,10 @@ def test_a_scene_with_nothing_to_edit_is_exported_all_the_same(tmp_path: Path) -
         }
     )
     burnish.export(scene, tmp_path / "glass.xml")
-    assert load(tmp_path / "glass.xml").object("glass").plugin == "dielectric"
+    again = load(tmp_path / "glass.xml")
+    assert again.object("glass").plugin == "dielectric"
+    with pytest.raises(InvalidValue, match="the scene itself"):
+        burnish.export(again, tmp_path / "glass.xml")
     with pytest.raises(InvalidValue, match="no editable material"):
         burnish.export(scene, tmp_path / "glass.mtlx")
 

@@ -64,6 +64,8 @@ def export(
             f"output folder {str(place.parent)!r} does not exist; make it first: "
             f"mkdir -p {place.parent}"
         )
+    if scene.source is not None and place.exists() and place.samefile(scene.source):
+        raise InvalidValue(f"{path} is the scene itself; export to another name")
     if plugin and kind != "mitsuba":
         raise InvalidValue("--plugin is for Mitsuba XML alone; leave it out")
     chosen = _chosen(scene, state or {}, objects)

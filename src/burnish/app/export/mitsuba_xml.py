@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -51,12 +52,6 @@ def write_xml(scene: Scene, state: State, path: Path, plugin: bool = False) -> E
     stock one. Raises InvalidValue for a scene with ready-made Mitsuba objects.
     """
     result, folder = Exported(), Folder(path)
-    mixed = factors(scene.lights, state)
-    tree = scene.tree
-    if mixed:
-        scaled_lights = folder.place("lights")
-        scaled_lights.mkdir()
-        tree = scaled(tree, scene.lights, mixed, scaled_lights)
     edited: dict[int, tuple[str, Mapping[str, Any]]] = {}
     for object_id, own in without_lights(state).items():
         item = scene.object(object_id)
@@ -65,9 +60,12 @@ def write_xml(scene: Scene, state: State, path: Path, plugin: bool = False) -> E
         described = _material(item, own, folder, plugin, result)
         for node in scene.drafts[scene.objects.index(item)].shapes:
             edited[node] = (object_id, described)
-    writer = _Writer(tree, folder, edited)
-    text = ElementTree.tostring(writer.scene(), encoding="unicode")
-    path.write_text(text + "\n", "utf-8")
+    with tempfile.TemporaryDirectory(prefix="burnish-") as pictures:
+        # What the mix of the lights makes of their images is copied with all other files
+        mixed = factors(scene.lights, state)
+        tree = scaled(scene.tree, scene.lights, mixed, Path(pictures)) if mixed else scene.tree
+        document = _Writer(tree, folder, edited).scene()
+    path.write_text(ElementTree.tostring(document, encoding="unicode") + "\n", "utf-8")
     result.files += [path, *folder.written]
     return result
 
