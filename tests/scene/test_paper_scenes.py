@@ -58,7 +58,8 @@ OBJECTS: dict[str, dict[str, list[str]]] = {
     },
     "tableau": {"bunny": COATED, "dragon": COATED, "floor": COATED},
 }
-FIXED = {"room": {"table", "glass", "railing", "legs", "sky", "sun"}}
+FIXED = {"room": {"table", "glass", "railing", "legs"}}
+LIGHTS = {"room": {"sky", "sun"}, "interior": {"sky", "side-sky", "sun"}}
 # Thin cloth, petals and leaves have an edge
 OPEN = {"flowers", "stems", "cloth", "curtain", "plant"}
 
@@ -78,6 +79,7 @@ def test_it_renders_and_its_objects_have_the_layers_of_the_paper(scene: Scene) -
     assert FIXED.get(scene.name, set()) <= {item.id for item in scene.objects}
     assert_clean(scene)
     lights = {item.id for item in scene.objects if item.reason == "it is a light"}
+    assert lights == LIGHTS.get(scene.name, set())
     assert not lights & set(found)
 
 

@@ -29,14 +29,14 @@ from burnish.scene.examples.surfaces import (
     upholstery,
 )
 from burnish.scene.examples.texture import clouds, texels, write_picture, write_tiles
-from burnish.scene.examples.windows import casement, sky_panel
+from burnish.scene.examples.windows import casement, sky_panel, unedited
 
 WIDTH, FRONT, BACK, HEIGHT = 2.3, -4.2, 1.9, 2.75
 LEFT, RIGHT, SILL, LINTEL = -0.75, 0.95, 0.75, 2.35
 LIT = (0.9, 2.9)
 """Where a second window, out of sight, begins and ends along the left wall."""
 
-FINISH = dict.fromkeys(("walls", "ceiling"), glossed)
+FINISH = dict.fromkeys(("walls", "ceiling"), glossed) | dict.fromkeys(("sky", "side-sky"), unedited)
 
 
 def describe(folder: Path) -> dict[str, Any]:

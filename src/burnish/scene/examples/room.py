@@ -20,14 +20,14 @@ from burnish.scene.examples.shapes import (
 )
 from burnish.scene.examples.surfaces import both_faces, glossy, matte, picture, solid, upholstery
 from burnish.scene.examples.texture import clouds, texels, write_picture, write_wood
-from burnish.scene.examples.windows import casement, sky_panel
+from burnish.scene.examples.windows import casement, sky_panel, unedited
 
 LEFT, RIGHT, FRONT, BACK, HEIGHT = -3.6, 3.6, -4.6, 3.2, 3.3
 WINDOWS = ((-3.3, -1.9), (-1.1, 0.3), (1.1, 2.5))
 SILL, LINTEL = 0.45, 2.85
 STEPS = 13
 
-FINISH = dict.fromkeys(("walls", "ceiling"), glossed)
+FINISH = dict.fromkeys(("walls", "ceiling"), glossed) | dict.fromkeys(("sky",), unedited)
 
 
 def describe(folder: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from burnish.scene.examples.geometry import Mesh, Point, joined, rectangle
 from burnish.scene.examples.shapes import rounded_box
 from burnish.scene.examples.texture import clouds, texels
+from burnish.scene.objects import SceneObject
 
 
 def casement(left: float, right: float, low: float, high: float) -> Mesh:
@@ -25,6 +27,11 @@ def casement(left: float, right: float, low: float, high: float) -> Mesh:
         for z in (low + 0.035, low + 1.38 * tall, high - 0.035)
     ]
     return joined(*upright, *across)
+
+
+def unedited(item: SceneObject) -> SceneObject:
+    """A panel as a light alone: there is nothing to edit on black."""
+    return replace(item, material=None, factory=None, maps={}, reason="it is a light")
 
 
 def sky_panel(
