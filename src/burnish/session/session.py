@@ -370,8 +370,9 @@ class Session:
 
         points: (x, y) or (x, y, pressure), in view pixels from the upper left corner.
 
-        >>> session.paint("diffuse-color", [(100, 80), (160, 95)], color="#c03020")
-        ('teapot',)                                                # doctest: +SKIP
+        >>> way = [(100, 80), (160, 95)]
+        >>> session.paint("diffuse-color", way, color="#c03020")   # doctest: +SKIP
+        ('teapot',)
         """
         with self.stroke(brush, objects=objects, view=view, **options) as drawn:
             drawn.extend(points)
