@@ -210,7 +210,10 @@ def test_smooth_becomes_rough_in_mitsubas_own_plugin() -> None:
     ("description", "reason"),
     [
         ({"type": "dielectric"}, "its BSDF is 'dielectric'; editable are conductor, diffuse"),
-        ({"type": "mask", "opacity": 0.5, "bsdf": {"type": "diffuse"}}, "'mask'"),
+        (
+            {"type": "twosided", "a": {"type": "mask", "opacity": 0.5, "b": {"type": "diffuse"}}},
+            "'mask' lies inside",
+        ),
         ({"type": "roughconductor", "alpha_u": 0.1, "alpha_v": 0.2}, "differs along u and v"),
         ({"type": "roughconductor", "alpha": CHECKER}, "its alpha is textured"),
         ({"type": "conductor", "eta": CHECKER, "k": 1.0}, "its eta is textured"),

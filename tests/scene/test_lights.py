@@ -59,8 +59,9 @@ def test_names_and_numbers(scene: Scene) -> None:
     names = [light.name for light in scene.lights]
     assert names == ["lamp", "point", "torch", "directional", "environment"]
     emitters = scene.mi_scene.emitters()
-    assert len(scene.light_table) == len(emitters) + 1
-    assert sorted(scene.light_table[1:]) == list(range(len(emitters)))
+    # Other scenes that live in this process have numbers too
+    numbers = [int(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(item))[0]) for item in emitters]
+    assert sorted(scene.light_table[numbers]) == list(range(len(emitters)))
 
 
 @pytest.mark.parametrize("factor", [(2.0, 2.0, 2.0), (0.5, 0.25, 0.0), (0.0, 0.0, 0.0)])
