@@ -383,9 +383,7 @@ class Tracer:
             return total + value
         for channel in range(3):
             lit = dr.any(value != 0)
-            dr.scatter_add(
-                buffer, value[channel], at * 3 + channel, lit, mode=dr.ReduceMode.Local
-            )
+            dr.scatter_add(buffer, value[channel], at * 3 + channel, lit, mode=dr.ReduceMode.Local)
         return total
 
     def _slot_map(self, H: list[Any], slot: Any) -> Any:
