@@ -37,7 +37,7 @@ def write_wood(path: Path, planks: int = 5, width: int = 1024, height: int = 640
     return write_picture(path, colour)
 
 
-def write_marble(path: Path, size: int = 1024) -> str:
+def write_marble(path: Path, size: int = 640) -> str:
     """Two by two polished tiles, light and dark, with veins: an 8-bit sRGB picture."""
     u, v = texels(size, size)
     column, row = (np.minimum((2 * x).astype(int), 1) for x in (u, v))
