@@ -99,6 +99,12 @@ def rest(page: Any, server: EditorServer) -> Float32:
     return in_engine(server, server.engine.session.frame)
 
 
+def as_it_is(page: Any) -> None:
+    """Show the picture at rest as it is, not denoised."""
+    page.locator("button[aria-pressed=true]", has_text="Denoise at rest").click()
+    page.locator("button[aria-pressed=false]", has_text="Denoise at rest").wait_for()
+
+
 def shown(page: Any) -> np.ndarray:
     """The picture's pixels one to one, as they are on the screen."""
     page.keyboard.press("1")
@@ -135,7 +141,7 @@ def test_select_drag_denoise(
 ) -> None:
     toggle = page.get_by_role("button", name="Denoise at rest")
     assert toggle.get_attribute("aria-pressed") == "true"
-    toggle.click()
+    as_it_is(page)
 
     # Click the large box and drag: edits are taken before its first samples are there
     click_picture(page, 25, 40)
@@ -185,8 +191,7 @@ def test_select_drag_denoise(
 
 
 def test_another_model_and_a_metal(page: Any, server: EditorServer, session: Session) -> None:
-    if page.get_by_role("button", name="Denoise at rest").get_attribute("aria-pressed") == "true":
-        page.get_by_role("button", name="Denoise at rest").click()
+    as_it_is(page)
     page.get_by_role("option", name="large-box").click()
     panel = page.get_by_role("region", name="Material of large-box")
     panel.wait_for()
@@ -232,8 +237,7 @@ def test_pictures_come_by_themselves_and_outlive_the_worker(
     page.get_by_role("option", name="back").click()
     page.get_by_role("region", name="Material of back").wait_for()
     until(lambda: view_of(session).samples >= 13)
-    if page.get_by_role("button", name="Denoise at rest").get_attribute("aria-pressed") == "true":
-        page.get_by_role("button", name="Denoise at rest").click()
+    as_it_is(page)
     first = shown(page)
     until(lambda: view_of(session).samples >= 45)
     page.wait_for_timeout(300)

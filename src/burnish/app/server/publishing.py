@@ -115,8 +115,8 @@ class Publishing:
             )
         )
         box.put(self._tracing.message(self._session.revision))
-        if self._progress is not None:
-            box.put(self._progress)
+        # Before any picture: it says whether pictures at rest are denoised
+        box.put(self._progress or self._present_progress(time.monotonic()))
         self._state_key = self._plot_key = self._curves_key = self._lights = None
         for index, view in enumerate(self._pages.views):
             if box.watches(index):
