@@ -267,9 +267,18 @@ def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
     command = [sys.executable, "-m", *f"burnish.app.{module} cornell-box".split()]
     no_display = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
     environment = {**os.environ, **no_display, "XDG_STATE_HOME": str(tmp_path)}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, start_new_session=True, env=environment
-    ) as process:
+    errors = tmp_path / "errors"
+    with (
+        errors.open("w") as stderr,
+        subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+            start_new_session=True,
+            env=environment,
+        ) as process,
+    ):
         assert process.stdout is not None
         assert any("http://" in line for line in process.stdout)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
@@ -277,6 +286,7 @@ def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
         # As Ctrl+C in a terminal does, to the whole group
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(timeout=SECONDS) == 0
+    assert "Traceback" not in errors.read_text("utf-8")
     until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
 
 

@@ -96,9 +96,9 @@ class EditorServer:
             timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(
-            target=self._server.run, args=([self._socket],), name="burnish-web", daemon=True
-        )
+        # Not the thread is waited for: a join that Ctrl+C interrupts may take it for ended
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="burnish-web", daemon=True)
 
     @property
     def url(self) -> str:
@@ -113,21 +113,27 @@ class EditorServer:
         self.engine.start()
         self._thread.start()
         while not self._server.started:
-            if not self._thread.is_alive():
+            if self._ended.is_set():
                 raise DeviceError(f"the server on {self.host}:{self.port} did not start")
             time.sleep(0.01)
         return self
 
     def wait(self) -> None:
         """Stay until the server ends or Ctrl+C is pressed."""
-        while self._thread.is_alive():
-            self._thread.join(timeout=0.5)
+        while not self._ended.wait(0.5):
+            pass
+
+    def _run(self) -> None:
+        try:
+            self._server.run([self._socket])
+        finally:
+            self._ended.set()
 
     def close(self) -> None:
         """Close all pages' connections, autosave and free the port."""
         self._server.should_exit = True
-        if self._thread.is_alive():
-            self._thread.join(timeout=10.0)
+        if self._thread.ident is not None:
+            self._ended.wait(10.0)
         self.engine.close()
         self._socket.close()
 
