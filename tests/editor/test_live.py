@@ -260,8 +260,9 @@ def test_pictures_come_by_themselves_and_outlive_the_worker(
     studio.pause(False)
 
 
-@pytest.mark.parametrize("module", ["cli edit", "demo"])
-def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
+@pytest.mark.parametrize(("module", "later"), [("cli edit", 0.0), ("demo", 1.0)])
+def test_the_command_ends_its_worker(tmp_path: Path, module: str, later: float) -> None:
+    """By Ctrl+C as soon as the address is there, and while the command does nothing but wait."""
     if not Path("/proc/self/task").is_dir():
         pytest.skip("finding the worker needs /proc")
     command = [sys.executable, "-m", *f"burnish.app.{module} cornell-box".split()]
@@ -283,6 +284,7 @@ def test_the_command_ends_its_worker(tmp_path: Path, module: str) -> None:
         assert any("http://" in line for line in process.stdout)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         assert children
+        time.sleep(later)
         # As Ctrl+C in a terminal does, to the whole group
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(timeout=SECONDS) == 0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import os
+import signal
 import socket
 import threading
 import time
@@ -604,3 +606,23 @@ def test_a_busy_machine_is_not_taken_for_a_slow_link() -> None:
             assert box.deflate is not loopback
     finally:
         loop.close()
+
+
+def test_a_server_that_ctrl_c_ends_has_its_time_to_end(session: Session) -> None:
+    """An interrupted join of the thread marks it as ended (Python 3.11): the socket closed
+    under it."""
+    ended: list[bool] = []
+    with EditorServer(session) as server:
+        shutdown = server._server.shutdown
+
+        async def slow(sockets: list[socket.socket] | None = None) -> None:
+            await asyncio.sleep(0.5)
+            await shutdown(sockets)
+            ended.append(True)
+
+        server._server.shutdown = slow  # type: ignore[method-assign]
+        interrupt = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+        interrupt.start()
+        with pytest.raises(KeyboardInterrupt):
+            server.wait()
+    assert ended
