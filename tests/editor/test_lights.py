@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from burnish.app.server import EditorServer, application
+from burnish.app.server import EditorServer
 from burnish.core.types import Float32
 from burnish.materials.lights import LightGroup
 from burnish.session import Session
 from burnish.transport.basis import State
 from tests.editor import worlds
-from tests.editor.browser import chromium, keep
+from tests.editor.browser import keep
 from tests.editor.pages import Page
 
 LIGHTS = (LightGroup("lamp", ("lamp",)), LightGroup("window", ("window", "sky")))
@@ -75,28 +75,6 @@ def test_a_page_is_told_of_the_lights_and_sets_them(server: EditorServer, tmp_pa
         assert "nearest: 'light:lamp.on'" in page.message("Refused")["text"]
     server.close()
     assert '"lamp"' in (tmp_path / "autosave.json").read_text()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if not (application.STATIC / "index.html").exists():
-        pytest.skip("the editor's page is not built: python client/build.py")
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def page(browser: Any, server: EditorServer) -> Iterator[Any]:
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    page = context.new_page()
-    problems: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-    page.goto(server.url)
-    page.get_by_text("Waiting for the first picture").wait_for(state="detached")
-    yield page
-    context.close()
-    assert not problems
 
 
 def until(page: Any, condition: Any) -> None:

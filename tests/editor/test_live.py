@@ -17,25 +17,17 @@ from PIL import Image
 
 import burnish
 from burnish.app.live import LiveStudio, LiveView
-from burnish.app.server import EditorServer, application
+from burnish.app.server import EditorServer
 from burnish.app.worker import Mapped
 from burnish.core.errors import SceneError
 from burnish.core.types import Float32
 from burnish.materials.fresnel import METALS
 from burnish.runtime.tonemap import ToneMap
 from burnish.session import Session
-from tests.editor.browser import chromium, keep, pixels
+from tests.editor.browser import keep, pixels
 
 SIDE = 64
 SECONDS = 60.0
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if not (application.STATIC / "index.html").exists():
-        pytest.skip("the editor's page is not built: python client/build.py")
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
@@ -50,22 +42,6 @@ def server(session: Session) -> Iterator[EditorServer]:
     session.select()
     with EditorServer(session) as running:
         yield running
-
-
-@pytest.fixture
-def page(browser: Any, server: EditorServer) -> Iterator[Any]:
-    context = browser.new_context(
-        viewport={"width": 1280, "height": 720}, accept_downloads=True, reduced_motion="reduce"
-    )
-    page = context.new_page()
-    problems: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-    page.goto(server.url)
-    page.get_by_text("Waiting for the first picture").wait_for(state="detached")
-    yield page
-    context.close()
-    assert not problems
 
 
 def until(condition: Callable[[], bool]) -> None:

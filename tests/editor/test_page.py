@@ -10,22 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from burnish.app.server import EditorServer, application
+from burnish.app.server import EditorServer
 from burnish.runtime.tonemap import OPERATORS, ToneMap
 from burnish.session import Session
 from tests.editor import worlds
-from tests.editor.browser import chromium, keep, pixels
+from tests.editor.browser import keep, pixels
 
 WIDTH, HEIGHT = 160, 112
 EXPONENT = "ball.specular.exponent"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if not (application.STATIC / "index.html").exists():
-        pytest.skip("the editor's page is not built: python client/build.py")
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture
@@ -37,22 +29,6 @@ def session() -> Session:
 def server(session: Session, tmp_path: Path) -> Iterator[EditorServer]:
     with EditorServer(session, autosave=tmp_path / "autosave.json") as running:
         yield running
-
-
-@pytest.fixture
-def page(browser: Any, server: EditorServer) -> Iterator[Any]:
-    context = browser.new_context(
-        viewport={"width": 1280, "height": 720}, accept_downloads=True, reduced_motion="reduce"
-    )
-    page = context.new_page()
-    problems: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-    page.goto(server.url)
-    page.get_by_text("Waiting for the first picture").wait_for(state="detached")
-    yield page
-    context.close()
-    assert not problems
 
 
 def settled(page: Any, server: EditorServer) -> np.ndarray:

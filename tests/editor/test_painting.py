@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from burnish.app.server import EditorServer, application
+from burnish.app.server import EditorServer
 from burnish.session import Session
 from tests.editor import worlds
-from tests.editor.browser import chromium, keep
+from tests.editor.browser import keep
 from tests.editor.pages import Page
 from tests.editor.test_page import assert_shows, picture, point, settled
 
@@ -108,28 +108,6 @@ def test_a_refused_stroke_leaves_nothing(server: EditorServer, session: Session)
         other.send("PaintTo", points=[[84.0, 50.0, 1.0]])
         other.message("State", position=2)
     assert len(session.state["ball"].strokes) == 2
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if not (application.STATIC / "index.html").exists():
-        pytest.skip("the editor's page is not built: python client/build.py")
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def page(browser: Any, server: EditorServer) -> Iterator[Any]:
-    context = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
-    page = context.new_page()
-    problems: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-    page.goto(server.url)
-    page.get_by_text("Waiting for the first picture").wait_for(state="detached")
-    yield page
-    context.close()
-    assert not problems
 
 
 def stroke(page: Any, way: list[tuple[int, int]]) -> None:
