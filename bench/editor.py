@@ -2,8 +2,8 @@
 
     python -m bench editor
 
-Needs Chromium and Playwright, as the browser tests do. WebGL runs in software, on the same
-cores as the engine: a machine with a graphics card does better.
+Needs Chromium, as the browser tests do. WebGL runs in software, on the same cores as the
+engine: a machine with a graphics card does better.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 import burnish
+from bench.chromium import chromium_page
 from bench.report import Goal, Report
 from burnish.app.server import EditorServer
 from burnish.session import Session
 from tests.editor import worlds
-from tests.editor.browser import chromium
 
 SIZE = 512
 
@@ -35,6 +35,8 @@ P.drawArrays = function (...a) {
   return result;
 };
 const slider = () => document.querySelector('input[type=range][aria-label="Exponent"]');
+window.named = (kind, text) =>
+  [...document.querySelectorAll(kind)].find((element) => element.textContent.includes(text));
 window.hold = () => slider().dispatchEvent(new PointerEvent('pointerdown', { bubbles: true }));
 window.release = () => window.dispatchEvent(new PointerEvent('pointerup', { bubbles: true }));
 window.slide = (value) => {
@@ -131,17 +133,13 @@ def measure(session: Session, name: str, quick: bool) -> Found:
         session.set(f"{name}.specular.exponent", float(next(values)))
         session.frame()
     engine = frames / (time.perf_counter() - start)
-    with EditorServer(session) as server, chromium() as browser:
-        page = browser.new_page(viewport={"width": 1280, "height": 720})
-        page.add_init_script(RECORD)
-        page.goto(server.url)
-        page.get_by_text("Waiting for the first picture").wait_for(state="detached")
-        page.get_by_role("option", name=name).click()
-        page.locator(".ball img").wait_for()
-        denoise = page.get_by_role("button", name="Denoise at rest")
-        if denoise.is_enabled():
-            denoise.click()
-        page.wait_for_timeout(1500)
-        milliseconds = np.array(page.evaluate(LATENCY, 20 if quick else 100))
-        rate = float(page.evaluate(RATE, 3000 if quick else 10000))
+    with EditorServer(session) as server, chromium_page() as page:
+        page.open(server.url, RECORD, 1280, 720)
+        page.wait("document.querySelector('canvas') && !document.querySelector('.waiting')")
+        page.evaluate(f"named('[role=option]', {name!r}).click()")
+        page.wait("document.querySelector('.ball img')")
+        page.evaluate("named('button:enabled', 'Denoise at rest')?.click()")
+        time.sleep(1.5)
+        milliseconds = np.array(page.evaluate(f"({LATENCY})({20 if quick else 100})"))
+        rate = float(page.evaluate(f"({RATE})({3000 if quick else 10000})"))
     return Found(engine, milliseconds, rate)

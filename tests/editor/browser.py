@@ -28,19 +28,24 @@ ARGUMENTS = [
 ARTEFACTS = Path(__file__).resolve().parent.parent.parent / "test-output" / "editor"
 
 
+def program() -> str:
+    """Where Chromium is; the test is skipped, saying why, where there is none."""
+    found = os.environ.get("BURNISH_CHROMIUM") or next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
+    if found is None:
+        pytest.skip("browser tests need Chromium: apt-get install chromium")
+    return found
+
+
 @contextmanager
 def chromium() -> Iterator[Any]:
     """A browser; the test is skipped, saying why, where there is none."""
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="browser tests need playwright: pip install playwright"
     )
-    program = os.environ.get("BURNISH_CHROMIUM") or next(
-        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-    )
-    if program is None:
-        pytest.skip("browser tests need Chromium: apt-get install chromium")
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=ARGUMENTS)
+        browser = driver.chromium.launch(executable_path=program(), args=ARGUMENTS)
         try:
             yield browser
         finally:
