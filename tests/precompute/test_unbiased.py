@@ -42,6 +42,7 @@ CASES: list[tuple[Callable[[], Scene], tuple[int, ...]]] = [
     (worlds.beside_rough_things, (32, 1, 1)),
     (worlds.textured, (32, 8)),
     (worlds.three_layers, (16, 16)),
+    (worlds.by_components, (32, 8, 1)),
     (worlds.metals, (32, 1, 1)),
     (worlds.under_small_lights, (32, 1)),
     (worlds.under_an_environment, (32, 1)),

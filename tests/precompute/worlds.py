@@ -13,6 +13,7 @@ from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import CookTorranceConductor
 from burnish.materials.models.lambert import Lambert
+from burnish.materials.pca.models import BlinnPhongComponents, CookTorranceComponents
 from burnish.scene import Scene
 from burnish.scene.maps import WeightMap
 from tests.reference.worlds import SKY, blinn, camera, lambert, material, plane, world
@@ -146,6 +147,17 @@ def three_layers(side: int = 24) -> Scene:
         MaterialState({name: LayerState(values) for name, _, values in layers}),
     )
     return corner({"floor": item, "wall": lambert(BLUE)}, side=side)
+
+
+def by_components(side: int = 24) -> Scene:
+    """Gloss by principal components, whose terms have both signs, on a floor and a wall."""
+    sharp = {"color": (0.2, 0.15, 0.1), "exponent": 120.0}
+    broad = {"color": (0.3, 0.6, 0.6), "roughness": 0.3, "f0": 0.2}
+    floor = material(
+        ("diffuse", Lambert(), {"color": RED}), ("specular", BlinnPhongComponents(), sharp)
+    )
+    wall = material(("specular", CookTorranceComponents(error=0.01), broad))
+    return corner({"floor": floor, "wall": wall}, side=side)
 
 
 def under_small_lights(side: int = 24) -> Scene:

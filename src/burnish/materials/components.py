@@ -20,6 +20,7 @@ import numpy as np
 
 from burnish.core.types import Float64
 from burnish.materials.maths import Maths, Vector, dot, half_vector
+from burnish.materials.principal import leading
 
 SHAPE = (96, 24, 12)
 """Nodes over θh, θd and φd, denser near θh = 0 for narrow lobes and near θd = 90°."""
@@ -139,20 +140,10 @@ def principal(members: Float64, error: float, most: int = 64) -> Components:
     mean = rows.mean(axis=0)
     direction = mean / np.linalg.norm(mean)
     rest = rows - np.outer(rows @ direction, direction)
-    # Members are few: the components follow from their inner products
-    values, vectors = np.linalg.eigh(rest @ rest.T)
-    order = np.argsort(values)[::-1][: most - 1]
-    order = order[values[order] > 1e-13 * max(float(values.max()), 1e-300)]
-    directions = (rest.T @ vectors[:, order]) / np.sqrt(values[order])
-    left = np.sum(rest**2, axis=1)
-    remaining = [left, *(left - np.cumsum((rest @ directions) ** 2, axis=1).T)]
-    squares = np.maximum(np.stack(remaining), 0.0)
-    errors, worst = np.sqrt(squares.mean(axis=1)), np.sqrt(squares.max(axis=1))
-    enough = np.nonzero(errors <= error)[0]
-    count = 1 + (int(enough[0]) if len(enough) else len(errors) - 1)
+    found = leading(rest, error, most - 1)
     # The same combinations of the members themselves, so that tables reach where weights do not
     whole = members.reshape(len(members), -1)[used] / norms[used, None]
     first = whole.mean(axis=0)
     residual = whole - np.outer(rows @ direction, first / np.linalg.norm(mean))
-    others = [vectors[:, k] @ residual / np.sqrt(values[k]) for k in order[: count - 1]]
-    return Components(np.stack([first, *others]).reshape(count, *SHAPE), errors, worst)
+    tables = np.concatenate([first[None], found.mixing.T @ residual])
+    return Components(tables.reshape(-1, *SHAPE), found.errors, found.worst)

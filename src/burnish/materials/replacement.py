@@ -8,7 +8,7 @@ edited over the same coordinate. Widths are compared as the α of a microfacet m
 |---|---|
 | Cook-Torrance, Ward | roughness |
 | Blinn-Phong, Ashikhmin-Shirley | √(2 / (n + 2)) (Walter et al. 2007, §5.2) |
-| Phong | that of a Blinn-Phong lobe of exponent 4 n, which looks as wide |
+| Phong, Lafortune | that of a Blinn-Phong lobe of exponent 4 n, which looks as wide |
 | Schlick | √roughness |
 | Mitsuba's `principled` | roughness² |
 | Beard-Maxwell | σ |
@@ -32,6 +32,7 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.model import Model
 from burnish.materials.models.family import Family
 from burnish.materials.models.plastic_base import PlasticBase
@@ -52,6 +53,8 @@ _NOT_ALONE = (
     MeasuredFresnel,
     MeasuredHalf,
     MeasuredIncident,
+    MeasuredHalfDifference,
+    MeasuredHomomorphic,
     PlasticBase,
     PrincipledBase,
     PrincipledCoat,
@@ -139,6 +142,7 @@ _LEAST_ALPHA = 1e-3
 _PLAIN = _Width("roughness", lambda v: v, lambda a: a)
 _ROOT = _Width("roughness", lambda v: v * v, math.sqrt)
 _EXPONENT = _Width("exponent", lambda n: math.sqrt(2 / (n + 2)), lambda a: 2 / a**2 - 2)
+_PHONG = _Width("exponent", lambda n: math.sqrt(2 / (4 * n + 2)), lambda a: (2 / a**2 - 2) / 4)
 _WIDTHS: dict[str, _Width] = {
     "cook-torrance": _PLAIN,
     "cook-torrance-dielectric": _PLAIN,
@@ -152,8 +156,14 @@ _WIDTHS: dict[str, _Width] = {
     "blinn-phong": _EXPONENT,
     "ashikhmin-shirley-width": _EXPONENT,
     "ashikhmin-shirley-ratio": _EXPONENT,
-    "phong": _Width("exponent", lambda n: math.sqrt(2 / (4 * n + 2)), lambda a: (2 / a**2 - 2) / 4),
+    "phong": _PHONG,
     "beard-maxwell-surface": _Width("sigma", lambda v: v, lambda a: a),
+    "ward-pca": _PLAIN,
+    "ward-duer-pca": _PLAIN,
+    "cook-torrance-pca": _PLAIN,
+    "blinn-phong-pca": _EXPONENT,
+    "ashikhmin-shirley-pca": _EXPONENT,
+    "lafortune-pca": _PHONG,
 }
 
 

@@ -23,6 +23,7 @@ from burnish.materials.coefficients import (
     energies,
 )
 from burnish.materials.layer import Layer, LayerState, MaterialState
+from burnish.materials.quadrature import energy_table
 
 CELLS = 64
 """Cells of u over which the half-angle lobe's density is constant."""
@@ -58,7 +59,7 @@ def lobe_of(layers: Sequence[Layer], state: MaterialState) -> tuple[Float64, flo
             cumulative = np.concatenate([[0.0], np.cumsum(per_bin)])
             cells += np.diff(np.interp(np.linspace(0, 1, CELLS + 1), edges, cumulative))
         else:
-            cells += per_bin.sum() / CELLS
+            cells += per_bin.sum() * _within(layer, c[:rank])
     cells = cells / cells.sum() if cells.sum() > 0 else np.full(CELLS, 1 / CELLS)
     return cells, glossy / total, delta / total
 
@@ -74,7 +75,7 @@ def coarse_lobe_of(layer: Layer, state: LayerState, count: int) -> Float64:
     Returns the share of each cell of u: float64 [CELLS], sum 1.
     """
     if layer.model.coordinate_name != "theta_h":
-        return np.full(CELLS, 1 / CELLS)
+        return EVEN_SHARE / CELLS + (1 - EVEN_SHARE) * _within(layer, np.eye(layer.model.rank)[0])
     energy = coarse_coefficients(layer, state, count) * coarse_energies(layer, count)[:, None]
     share = np.maximum(energy.mean(axis=1), 0.0)
     share = share / share.sum() if share.sum() > 0 else np.full(count, 1 / count)
@@ -88,6 +89,24 @@ def coarse_lobe_of(layer: Layer, state: LayerState, count: int) -> Float64:
     within = (1 - np.cos(np.pi / 2 * u**2) - below) / (above - below)
     cumulative = (np.cumsum(share) - share)[bin_] + share[bin_] * within
     return np.diff(np.interp(np.linspace(0, 1, CELLS + 1), u, cumulative))
+
+
+def _within(layer: Layer, amplitudes: Float64) -> Float64:
+    """Where a glossy layer without a curve over θh sends light: float64 [CELLS], sum 1.
+
+    amplitudes: float64 [k]. Layers of principal components have one bin, with θh in it; of any
+    other the share of each cell is the same.
+    """
+    even = np.full(CELLS, 1 / CELLS)
+    if layer.model.coordinate_name != "none" or layer.model.lobe != "half":
+        return even
+    table = energy_table(layer)
+    t, mass = table.t[0], np.maximum(amplitudes @ table.mean_density[:, 0], 0.0)
+    if mass.sum() == 0:
+        return even
+    edges = np.concatenate([[0.0], (t[1:] + t[:-1]) / 2, [1.0]])
+    cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
+    return np.diff(np.interp(np.linspace(0, 1, CELLS + 1) ** 2, edges, cumulative))
 
 
 class HalfAngleLobes:

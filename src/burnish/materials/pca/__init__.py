@@ -1,0 +1,1 @@
+"""Models that are edited through principal components (Nguyen et al. 2010)."""
