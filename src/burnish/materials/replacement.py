@@ -32,7 +32,6 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
-from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.model import Model
 from burnish.materials.models.family import Family
 from burnish.materials.models.plastic_base import PlasticBase
@@ -53,8 +52,6 @@ _NOT_ALONE = (
     MeasuredFresnel,
     MeasuredHalf,
     MeasuredIncident,
-    MeasuredHalfDifference,
-    MeasuredHomomorphic,
     PlasticBase,
     PrincipledBase,
     PrincipledCoat,
