@@ -110,7 +110,7 @@ def describe(
         objects=tuple(ObjectHeader(item.id, item.editable, item.reason) for item in scene.objects),
         provenance=provenance,
         name=scene.name,
-        lights=tuple(Light(light.name, light.kind) for light in scene.lights),
+        lights=tuple(Light(light.name, light.kind, light.parameters) for light in scene.lights),
     )
 
 

@@ -120,6 +120,8 @@ class UntracedView:
     width: int
     height: int
     revision: int = 0
+    relights: bool = True
+    """The path tracer sees the lights wherever they stand."""
 
     @property
     def rows(self) -> Rows:

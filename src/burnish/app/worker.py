@@ -245,7 +245,7 @@ class _Worker:
                 tuple((item.id, item.editable, item.reason) for item in scene.objects),
                 tuple((view.name, view.width, view.height) for view in scene.views),
                 {view.name: first_rows(scene, view, self.basis) for view in scene.views},
-                tuple(Light(light.name, light.kind) for light in scene.lights),
+                tuple(Light(light.name, light.kind, light.parameters) for light in scene.lights),
                 tuple(scene.warnings),
                 "" if available() else "Needs Open Image Denoise: pip install pyoidn",
             )

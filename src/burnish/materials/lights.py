@@ -1,4 +1,4 @@
-"""The mix of the lights: what a user sets on each, and the factor that it makes of them.
+"""The lights: what a user sets on each, and the factor that it makes of them.
 
 Light adds up. With everything else as it is, the picture is Σ_g m_g · image_g over the lights
 (or named groups of them), and a mix m [g, rgb] is a linear factor of every one.
@@ -11,6 +11,9 @@ A light's state stands among those of the materials under "light:NAME", as its p
 | `tint` | linear RGB, 0 to 1 | white leaves the light's own colour |
 | `on` | true, false | a light that is off sends nothing |
 | `solo` | true, false | while any light is solo, only such ones shine |
+
+A single light has the parameters of its kind beside these (`materials.placement`): they say
+where it stands and how it is turned, which is no factor: the light is traced anew.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import RGB, Float64, Value
 from burnish.materials.layer import LayerState, MaterialState
 from burnish.materials.parameter import Parameter
+from burnish.materials.placement import EXPOSURE, TEMPLATES
 
 PREFIX = "light:"
 
@@ -47,18 +51,24 @@ _WORDS = {"on": True, "true": True, "yes": True, "off": False, "false": False, "
 
 @dataclass(frozen=True)
 class Light:
-    """A light of a scene: an emitter, or the emitters of one object; kind: Mitsuba's name."""
+    """A light of a scene: an emitter, or the emitters of one object; kind: Mitsuba's name.
+
+    parameters: those of its kind, with the scene's values as defaults.
+    """
 
     name: str
     kind: str = ""
+    parameters: tuple[Parameter, ...] = ()
 
 
 @dataclass(frozen=True)
 class LightGroup:
-    """Lights that are mixed as one. members: names of the scene's lights."""
+    """Lights that are mixed as one. members: names of the scene's lights; parameters: those
+    of the light where it is one alone."""
 
     name: str
     members: tuple[str, ...]
+    parameters: tuple[Parameter, ...] = ()
 
     @property
     def key(self) -> str:
@@ -68,12 +78,23 @@ class LightGroup:
     @property
     def initial(self) -> LightState:
         """As the scene has it."""
-        return LightState(members=self.members)
+        values = {item.name: item.default for item in self.parameters}
+        return LightState(members=self.members, values=values)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What its path may end with."""
+        own = (item.name for item in self.parameters)
+        return (*(item.name for item in PARAMETERS), *SWITCHES, *own)
 
 
 @dataclass(frozen=True)
 class LightState(MaterialState):
-    """What a user has set on a light or a group of lights; it has no layers."""
+    """What a user has set on a light or a group of lights; it has no layers.
+
+    values: of the parameters that its kind has (`materials.placement`), all of them, those
+    that are as in the scene too.
+    """
 
     layers: Mapping[str, LayerState] = field(default_factory=dict)
     members: tuple[str, ...] = ()
@@ -81,15 +102,36 @@ class LightState(MaterialState):
     tint: RGB = (1.0, 1.0, 1.0)
     on: bool = True
     solo: bool = False
+    values: Mapping[str, Value] = field(default_factory=dict)
 
     def get(self, parameter: str) -> Value:
         """A parameter's value."""
+        if parameter in self.values:
+            return self.values[parameter]
         value: Value = getattr(self, parameter)
         return value
 
+    @property
+    def exposure(self) -> float:
+        """Stops that an environment is brighter than in the scene, beside its intensity."""
+        return float(self.values.get(EXPOSURE, 0.0))  # type: ignore[arg-type]
+
+    def moved(self, group: LightGroup) -> tuple[str, ...]:
+        """Which parameters of its placement are not as in the scene."""
+        initial = group.initial.values
+        return tuple(
+            name
+            for name, value in self.values.items()
+            if name != EXPOSURE and value != initial.get(name)
+        )
+
     def set(self, parameter: str, value: object, where: str) -> LightState:
-        """The state with another value. Raises InvalidValue when it is out of range."""
+        """The state with another value. Raises InvalidValue when it is out of range, and
+        MissingFile for a file that is not there."""
         accepted: Any
+        if parameter in self.values:
+            accepted = TEMPLATES[parameter].validate(value, f"{where}.")
+            return replace(self, values={**self.values, parameter: accepted})
         if parameter in SWITCHES:
             accepted = _switch(value, f"{where}.{parameter}")
         else:
@@ -109,16 +151,11 @@ class LightAddress:
 def resolve(groups: Sequence[LightGroup], path: str) -> LightAddress:
     """What "light:NAME.PARAMETER" names; names may hold dots. Raises UnknownName."""
     for group in groups:
-        for name in parameter_names():
+        for name in group.names:
             if path == f"{group.key}.{name}":
                 return LightAddress(group, name)
-    known = [f"{group.key}.{name}" for group in groups for name in parameter_names()]
+    known = [f"{group.key}.{name}" for group in groups for name in group.names]
     raise UnknownName("light parameter", path, known)
-
-
-def parameter_names() -> tuple[str, ...]:
-    """What a light's path may end with."""
-    return (*(item.name for item in PARAMETERS), *SWITCHES)
 
 
 def lights_in(state: Mapping[str, MaterialState]) -> dict[str, LightState]:
@@ -139,7 +176,47 @@ def mix(groups: Sequence[LightGroup], state: Mapping[str, MaterialState]) -> Flo
     for g, group in enumerate(groups):
         light = lights.get(group.key, group.initial)
         shines = light.on and (light.solo or not solo)
-        result[g] = np.array(light.tint) * light.intensity if shines else 0.0
+        sent = light.intensity * 2.0**light.exposure
+        result[g] = np.array(light.tint) * sent if shines else 0.0
+    return result
+
+
+def placements(
+    lights: Iterable[Light], state: Mapping[str, MaterialState]
+) -> dict[str, dict[str, Value]]:
+    """What of each light's placement is not as the scene has it, by light and parameter.
+
+    lights: all of the scene's. Lights that stand as in the scene are left out.
+    """
+    known = {light.name: light for light in lights}
+    result: dict[str, dict[str, Value]] = {}
+    for light in lights_in(state).values():
+        for name in light.members if light.values else ():
+            parameters = known[name].parameters if name in known else ()
+            own = {item.name: item.default for item in parameters}
+            changed = {
+                key: value
+                for key, value in light.values.items()
+                if key != EXPOSURE and own.get(key) != value
+            }
+            if changed:
+                result[name] = changed
+    return result
+
+
+def unmixed(
+    groups: Iterable[LightGroup], state: Mapping[str, MaterialState]
+) -> dict[str, MaterialState]:
+    """The materials, and the lights that stand elsewhere, each sending what it does in the
+    scene: what the pictures that are mixed are of."""
+    result, lights = without_lights(state), lights_in(state)
+    for group in groups:
+        if group.key in lights:
+            values = dict(lights[group.key].values)
+            values |= {EXPOSURE: 0.0} if EXPOSURE in values else {}
+            placed = replace(group.initial, values=values)
+            if placed != group.initial:
+                result[group.key] = placed
     return result
 
 
@@ -165,7 +242,7 @@ def factors(lights: Iterable[Light], state: Mapping[str, MaterialState]) -> dict
 
 def each(lights: Iterable[Light]) -> tuple[LightGroup, ...]:
     """Every light a group of its own."""
-    return tuple(LightGroup(light.name, (light.name,)) for light in lights)
+    return tuple(LightGroup(light.name, (light.name,), light.parameters) for light in lights)
 
 
 def grouped(lights: Sequence[Light], wanted: Sequence[str]) -> tuple[LightGroup, ...]:
@@ -180,6 +257,7 @@ def grouped(lights: Sequence[Light], wanted: Sequence[str]) -> tuple[LightGroup,
         groups = list(each(lights))
     else:
         groups = [_group(text, known) for text in wanted]
+        own = {light.name: light.parameters for light in lights}
         taken = [name for group in groups for name in group.members]
         for names, what in (([g.name for g in groups], "group"), (taken, "light")):
             twice = sorted({name for name in names if names.count(name) > 1})
@@ -193,6 +271,10 @@ def grouped(lights: Sequence[Light], wanted: Sequence[str]) -> tuple[LightGroup,
             while name in {group.name for group in groups}:
                 name += "_2"
             groups.append(LightGroup(name, rest))
+        groups = [
+            replace(group, parameters=own[group.members[0]]) if len(group.members) == 1 else group
+            for group in groups
+        ]
     if len(groups) > MOST_GROUPS:
         listing = ", ".join(group.name for group in groups)
         raise InvalidValue(

@@ -24,7 +24,7 @@ import numpy as np
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Progress
 from burnish.materials.layer import MaterialState
-from burnish.materials.lights import factors, without_lights
+from burnish.materials.lights import factors, placements, without_lights
 from burnish.reference.bsdf import reflecting_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
 from burnish.reference.reflectance import (
@@ -67,7 +67,7 @@ def series_image(
     Raises UnknownName, InvalidValue; also for a mix of the lights and for paint, which it
     does not have.
     """
-    if factors(scene.lights, state):
+    if factors(scene.lights, state) or placements(scene.lights, state):
         raise InvalidValue(
             "a picture with the series' approximations is of the lights as the scene has them: "
             "reset the lights, or path-trace without a series"

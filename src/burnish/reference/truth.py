@@ -9,9 +9,9 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import RGB, Crop, Float32, Progress
+from burnish.core.types import RGB, Crop, Float32, Progress, Value
 from burnish.materials.layer import MaterialState
-from burnish.materials.lights import factors, without_lights
+from burnish.materials.lights import factors, placements, without_lights
 from burnish.reference.bsdf import layered_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
 from burnish.reference.painted import painted_bsdf
@@ -20,6 +20,8 @@ from burnish.scene import Scene, SceneObject
 State = Mapping[str, MaterialState]
 """Object id to the state of its material, and lights by their keys (`materials.lights`); what
 is not named is as the scene has it."""
+
+_Known = tuple[dict[str, MaterialState], dict[str, RGB], dict[str, dict[str, Value]]]
 
 
 class PathTracedTruth:
@@ -43,7 +45,7 @@ class PathTracedTruth:
             # Roulette only adds noise where the depth is limited anyway
             settings |= {"max_depth": bounces + 1, "rr_depth": bounces + 2}
         self._integrator = mi.load_dict(settings)
-        self._state: tuple[dict[str, MaterialState], dict[str, RGB]] = {}, {}
+        self._state: _Known = {}, {}, {}
         self._scene: Any = scene.mi_scene
 
     def render(
@@ -93,14 +95,17 @@ class PathTracedTruth:
             if not is_initial(self.scene.object(object_id), item)
         }
         mixed = factors(self.scene.lights, state)
-        if (edited, mixed) != self._state:
+        placed = placements(self.scene.lights, state)
+        if (edited, mixed, placed) != self._state:
             bsdfs = {
                 object_id: self._bsdf(self.scene.object(object_id), item)
                 for object_id, item in edited.items()
             }
-            changed = bsdfs or mixed
-            self._scene = self.scene.with_bsdfs(bsdfs, mixed) if changed else self.scene.mi_scene
-            self._state = edited, mixed
+            changed = bsdfs or mixed or placed
+            self._scene = (
+                self.scene.with_bsdfs(bsdfs, mixed, placed) if changed else self.scene.mi_scene
+            )
+            self._state = edited, mixed, placed
         return self._scene
 
     def _bsdf(self, item: SceneObject, state: MaterialState) -> Any:

@@ -1,10 +1,10 @@
-"""The lights of a scene: their names, which emitter is whose, and scaling what they send."""
+"""The lights of a scene: their names, which emitter is whose, and changing them in its text."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from burnish.core.errors import InvalidValue, UnknownName
-from burnish.core.types import RGB
+from burnish.core.types import RGB, Value
 from burnish.materials.lights import Light
+from burnish.materials.placement import parameters_of
 from burnish.scene.objects import Draft
+from burnish.scene.placing import (
+    Placement,
+    emitter_values,
+    lamp_values,
+    place_emitter,
+    place_shape,
+)
 from burnish.scene.tree import Reference, Tree, UniqueNames
 
 _SENT = {
@@ -42,9 +50,11 @@ _BACKGROUNDS = ("constant", "envmap", "sunsky", "timed_sunsky")
 
 @dataclass(frozen=True)
 class SceneLight(Light):
-    """A light and where it stands: nodes of the tree, empty for a ready-made emitter."""
+    """A light and its nodes in the tree: its emitters', none for a ready-made one, and those of
+    the shapes that they are on."""
 
     nodes: tuple[int, ...] = ()
+    shapes: tuple[int, ...] = ()
 
 
 def draft_lights(tree: Tree, drafts: Sequence[Draft]) -> list[SceneLight]:
@@ -59,12 +69,13 @@ def draft_lights(tree: Tree, drafts: Sequence[Draft]) -> list[SceneLight]:
             for _, node in tree.children(shape, mi.ObjectType.Emitter)
         ]
         if nodes:
-            found.append(SceneLight(unique(draft.id), tree.plugin(nodes[0]), tuple(nodes)))
+            kind = tree.plugin(nodes[0])
+            found.append(SceneLight(unique(draft.id), kind, (), tuple(nodes), draft.shapes))
     for _, node in tree.children(0, mi.ObjectType.Emitter):
         kind = tree.plugin(node)
         name = unique(tree.id(node) or ("environment" if kind in _BACKGROUNDS else kind))
         tree.node(node).props.set_id(name)
-        found.append(SceneLight(name, kind, (node,)))
+        found.append(SceneLight(name, kind, (), (node,)))
     return found
 
 
@@ -76,6 +87,7 @@ def find_lights(
 ) -> tuple[tuple[SceneLight, ...], NDArray[np.uint32]]:
     """The lights of a built scene (mi.Scene), ready-made ones too, and whose each emitter is.
 
+    Those that the tree describes get their parameters, as they stand in the built scene.
     shapes: those of each draft. The table goes from an emitter's number in Mitsuba
     (`dr.reinterpret_array(mi.UInt32, si.emitter(scene))`) to the light's: uint32.
     """
@@ -85,6 +97,14 @@ def find_lights(
     for light in lights:
         unique(light.name)
     numbers: dict[int, int] = {}
+    low, high = np.ravel(built.bbox().min), np.ravel(built.bbox().max)
+    extent = (float(low.min()), float(high.max())) if (low <= high).all() else (-1.0, 1.0)
+
+    def described(name: str, values: Mapping[str, Value]) -> None:
+        light = lights[position[name]]
+        if light.nodes:
+            parameters = parameters_of(light.kind, values, extent)
+            lights[position[name]] = replace(light, parameters=parameters)
 
     def add(emitter: Any, name: str) -> None:
         if name not in position:
@@ -97,36 +117,58 @@ def find_lights(
         for shape in own:
             if shape.emitter() is not None:
                 add(shape.emitter(), draft.id)
+        if draft.id in position and not draft.instanced:
+            described(draft.id, lamp_values(own))
     for emitter in built.emitters():
         if _number(emitter) not in numbers:
-            add(emitter, emitter.id() or "emitter")
+            name = emitter.id() or "emitter"
+            add(emitter, name)
+            described(name, emitter_values(emitter, lights[position[name]].kind))
     table = np.zeros(max(numbers, default=0) + 1, np.uint32)
     table[list(numbers)] = list(numbers.values())
     return tuple(lights), table
 
 
-def scaled(
-    tree: Tree, lights: Sequence[SceneLight], factors: Mapping[str, RGB], folder: Path
+def changed(
+    tree: Tree,
+    lights: Sequence[SceneLight],
+    factors: Mapping[str, RGB],
+    folder: Path,
+    placed: Mapping[str, Placement],
 ) -> Tree:
-    """A copy of a scene's tree in which the named lights send `factors` (linear RGB) as much.
+    """A copy of a scene's tree in which the named lights stand as in `placed`, and send
+    `factors` (linear RGB) as much.
 
     folder: where images of lights that get another colour are written; they must stay there
     as long as the tree is used. A light with factor 0 stays an emitter, and is black. Raises
     UnknownName, InvalidValue for a light that Mitsuba has no scale for.
     """
-    known = {light.name: light for light in lights}
-    changed = Tree(tree.config, mi.parser.ParserState(tree.state), tree.label)
+    copy = Tree(tree.config, mi.parser.ParserState(tree.state), tree.label)
+    for name, placement in placed.items():
+        light = _described(lights, name)
+        values = {item.name: item.default for item in light.parameters}
+        if light.shapes:
+            for node in light.shapes:
+                place_shape(copy, node, values, placement)
+        else:
+            place_emitter(copy, light.nodes[0], values, placement)
     for name, factor in factors.items():
-        if name not in known:
-            raise UnknownName("light", name, known)
-        if not known[name].nodes:
+        for node in _described(lights, name).nodes:
+            _scale_emitter(copy, node, factor, folder)
+    return copy
+
+
+def _described(lights: Sequence[SceneLight], name: str) -> SceneLight:
+    """The light of that name. Raises UnknownName; InvalidValue where the tree has no node."""
+    for light in lights:
+        if light.name == name:
+            if light.nodes:
+                return light
             raise InvalidValue(
-                f"light {name!r} is a ready-made Mitsuba object, which the path tracer cannot mix; "
-                "describe it in the scene, or leave it as it is"
+                f"light {name!r} is a ready-made Mitsuba object, which the path tracer cannot "
+                "change; describe it in the scene, or leave it as it is"
             )
-        for node in known[name].nodes:
-            _scale_emitter(changed, node, factor, folder)
-    return changed
+    raise UnknownName("light", name, [light.name for light in lights])
 
 
 def _scale_emitter(tree: Tree, node: int, factor: RGB, folder: Path) -> None:

@@ -22,9 +22,10 @@ from burnish.scene import examples, gltf
 from burnish.scene.adapters import Adapted, adapt
 from burnish.scene.assign import assigned
 from burnish.scene.device import activate
-from burnish.scene.lights import SceneLight, draft_lights, find_lights, scaled
+from burnish.scene.lights import SceneLight, changed, draft_lights, find_lights
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_lamp
+from burnish.scene.placing import Placement
 from burnish.scene.tree import Tree
 from burnish.scene.views import View, prepare_sensors, views_of
 from burnish.scene.wrapping import BENDS
@@ -104,26 +105,37 @@ class Scene:
                 )
         return tuple(item for item in self.objects if item.id in wanted)
 
-    def with_lights(self, factors: Mapping[str, RGB], folder: Path | None = None) -> Tree:
+    def with_lights(
+        self,
+        factors: Mapping[str, RGB],
+        folder: Path | None = None,
+        placed: Mapping[str, Placement] | None = None,
+    ) -> Tree:
         """The scene's description with the named lights sending `factors` as much.
 
         factors: linear RGB. folder: where images of lights that get another colour are
-        written, and must stay; a temporary one, gone with the tree, without it. Raises
-        UnknownName, InvalidValue for a light that Mitsuba cannot scale.
+        written, and must stay; a temporary one, gone with the tree, without it. placed: by
+        light, where it stands instead (`materials.lights.placements`). Raises UnknownName,
+        InvalidValue for a light that Mitsuba cannot scale.
         """
-        if not factors:
+        if not (factors or placed):
             return self.tree
         place = folder or Path(tempfile.mkdtemp(prefix="burnish-"))
-        tree = scaled(self.tree, self.lights, factors, place)
+        tree = changed(self.tree, self.lights, factors, place, placed or {})
         if folder is None:
             weakref.finalize(tree, shutil.rmtree, place, ignore_errors=True)
         return tree
 
-    def with_bsdfs(self, bsdfs: Mapping[str, Any], factors: Mapping[str, RGB] | None = None) -> Any:
+    def with_bsdfs(
+        self,
+        bsdfs: Mapping[str, Any],
+        factors: Mapping[str, RGB] | None = None,
+        placed: Mapping[str, Placement] | None = None,
+    ) -> Any:
         """A fresh mi.Scene in which the named objects have the given mi.BSDF.
 
-        factors: as for `with_lights`. Its sensors stand in the order of `mi_scene.sensors()`.
-        Raises UnknownName, InvalidValue.
+        factors, placed: as for `with_lights`. Its sensors stand in the order of
+        `mi_scene.sensors()`. Raises UnknownName, InvalidValue.
         """
         shapes: dict[int, Any] = {}
         for object_id, bsdf in bsdfs.items():
@@ -134,7 +146,7 @@ class Scene:
                 )
             shapes.update(dict.fromkeys(draft.shapes, bsdf))
         # Its images must last until the scene has read them
-        tree = self.with_lights(factors or {})
+        tree = self.with_lights(factors or {}, placed=placed)
         return tree.replaced(shapes).build()
 
 

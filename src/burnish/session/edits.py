@@ -15,8 +15,8 @@ and `weight`; and, where it was given another model, `model`, as a bundle would 
 layer, with the values that it `started` with and those `kept` for other layers.
 An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
 are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
-`lights` holds the mix by light or group: {"lamp": {"intensity": 2.0, "tint": [1, 0.9, 0.8]},
-"environment": {"on": false}}.
+`lights` holds what is set on lights or groups of them: {"lamp": {"intensity": 2.0, "position":
+[0, 2, 1]}, "environment": {"on": false}}.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
 from burnish.materials.curve import Curve
 from burnish.materials.layer import LayerState, Material, MaterialState, Replacement
-from burnish.materials.lights import LightGroup, LightState, parameter_names
+from burnish.materials.lights import LightGroup, LightState
 from burnish.materials.names import WEIGHT
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.registry import layer_from_json, layer_to_json
 from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
-VERSION = 2
-"""Written where something is painted or lights are mixed; other files stay version 1."""
+VERSION = 3
+"""Written where a light has been moved, turned or replaced; with paint or mixed lights alone a
+file is version 2, and others stay version 1."""
 
 Json = dict[str, Any]
 _ENTRIES = ("model", "parameters", "curve", "outgoing_curve", "enabled", "weight")
@@ -61,7 +62,10 @@ def edits_to_text(
     mixed = {
         group.name: _light_entry(state[group.key], group) for group in lights if group.key in state
     }
-    version = VERSION if painted or mixed else 1
+    own = {item.name for group in lights for item in group.parameters}
+    version = 2 if painted or mixed else 1
+    if any(own & entry.keys() for entry in mixed.values()):
+        version = VERSION
     data = {"format": FORMAT, "version": version, "scene": scene, "objects": objects}
     if mixed:
         data["lights"] = mixed
@@ -104,7 +108,7 @@ def _light_entry(light: MaterialState, group: LightGroup) -> Json:
     return _plain(
         {
             name: light.get(name)
-            for name in parameter_names()
+            for name in group.names
             if light.get(name) != group.initial.get(name)
         }
     )
@@ -119,8 +123,8 @@ def _lights(entries: object, lights: Sequence[LightGroup], where: str) -> dict[s
             raise UnknownName("light", name, groups)
         light, key = groups[name].initial, groups[name].key
         for parameter, value in _mapping(entry, f"{where}: {key}").items():
-            if parameter not in parameter_names():
-                raise UnknownName("light parameter", parameter, parameter_names())
+            if parameter not in groups[name].names:
+                raise UnknownName("light parameter", parameter, groups[name].names)
             light = light.set(parameter, value, f"{where}: {key}")
         if light != groups[name].initial:
             state[key] = light

@@ -27,7 +27,7 @@ import numpy as np
 from burnish.core.errors import BurnishError, MissingRayTracer, SceneError
 from burnish.core.types import Float32, Float64
 from burnish.materials.layer import MaterialState
-from burnish.materials.lights import LightGroup, mix, without_lights
+from burnish.materials.lights import LightGroup, mix, unmixed
 from burnish.transport.basis import State
 from burnish.transport.protocols import LightPictures
 
@@ -105,7 +105,7 @@ class LightMix:
         """Whether `applied` answers at once; begins what it would wait for."""
         if self.factors(state) is None or not self.background:
             return True
-        materials = without_lights(state)
+        materials = unmixed(self.groups, state)
         self._refine(view, materials)
         with self._changed:
             return view in self._images or self._failed(materials) is not None
@@ -114,9 +114,11 @@ class LightMix:
         """Trace in the background what the first change of the mix will want."""
         if self.background and self.tracer is not None and len(self.groups) > 1:
             with self._changed:
-                begun = view in self._images or self._failed(without_lights(state)) is not None
+                begun = (
+                    view in self._images or self._failed(unmixed(self.groups, state)) is not None
+                )
             if not begun:
-                self._refine(view, without_lights(state))
+                self._refine(view, unmixed(self.groups, state))
 
     def notice(self, view: str, state: State) -> str:
         """What is not exact about a mixed picture, in a sentence, or ""."""
@@ -125,7 +127,7 @@ class LightMix:
             return ""
         if images is None:
             return "What each light adds is being traced; the picture waits for it."
-        if images.materials != without_lights(state):
+        if images.materials != unmixed(self.groups, state):
             return "Lights are mixed by their shares under earlier materials; new ones are traced."
         return ""
 
@@ -153,7 +155,7 @@ class LightMix:
 
     def _for(self, view: str, state: State) -> _Images:
         """The images to mix by: of these materials, or in the background the latest."""
-        materials = without_lights(state)
+        materials = unmixed(self.groups, state)
         if self.background:
             self._refine(view, materials)
             with self._changed:

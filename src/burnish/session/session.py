@@ -25,8 +25,7 @@ from burnish.core.types import Float32, Float64, Int32, Progress, Value
 from burnish.materials.coefficients import albedo, conserved
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, Material, MaterialState
-from burnish.materials.lights import PREFIX, LightGroup, LightState, lights_in
-from burnish.materials.lights import resolve as resolve_light
+from burnish.materials.lights import PREFIX, LightGroup, lights_in
 from burnish.materials.names import WEIGHT, resolve
 from burnish.materials.reflectance import asymmetry
 from burnish.materials.replacement import replaced
@@ -34,6 +33,7 @@ from burnish.runtime.renderer import Renderer
 from burnish.session.brushes import Brush, BrushName, brushes
 from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
+from burnish.session.lighting import Lighting, shown
 from burnish.session.lightmix import LightMix
 from burnish.session.painting import BrushOptions, PaintStroke, paint_whole, painting
 from burnish.session.paths import resolve_layer
@@ -59,7 +59,7 @@ class ObjectInfo:
     layers: tuple[Layer, ...] = ()
 
 
-class Session:
+class Session(Lighting):
     """Edit the materials of a scene and see it.
 
     transports: one for each view, by name; stored blocks are frozen by `runtime.freeze`.
@@ -111,18 +111,6 @@ class Session:
     def objects(self) -> tuple[ObjectInfo, ...]:
         """All objects of the scene, editable or not."""
         return self._objects
-
-    @property
-    def lights(self) -> tuple[LightGroup, ...]:
-        """The lights, or groups of them, that can be mixed: "light:NAME.intensity" and so on."""
-        return self._lights
-
-    def light(self, name: str) -> LightState:
-        """What is set on a light or group of lights. Raises UnknownName."""
-        for group in self._lights:
-            if group.name == name:
-                return self._light(group)
-        raise UnknownName("light", name, [group.name for group in self._lights])
 
     @property
     def views(self) -> Mapping[str, Transport]:
@@ -240,8 +228,7 @@ class Session:
         `materials.lights`, such as "light:lamp.intensity". Raises UnknownName.
         """
         if path.startswith(PREFIX):
-            light = resolve_light(self._lights, path)
-            return self._light(light.group).get(light.parameter)
+            return self._get_light(path)
         address = resolve(self._current(), path)
         return address.read(self._history.state[address.object])
 
@@ -251,13 +238,7 @@ class Session:
         Raises UnknownName with the nearest names, InvalidValue with the range.
         """
         if path.startswith(PREFIX):
-            light = resolve_light(self._lights, path)
-            if isinstance(value, str) and value.startswith("#"):
-                value = colour_from_hex(value)
-            lit = self._light(light.group).set(light.parameter, value, light.group.key)
-            self._change_light(
-                light.group, lit, f"Set {path} to {_shown(lit.get(light.parameter))}"
-            )
+            self._set_light(path, value)
             return
         materials = self._current()
         address = resolve(materials, path)
@@ -265,7 +246,7 @@ class Session:
             value = colour_from_hex(value)
         material, state = materials[address.object], self._history.state[address.object]
         changed = address.write(material, state, value)
-        self._change(address.object, changed, f"Set {path} to {_shown(address.read(changed))}")
+        self._change(address.object, changed, f"Set {path} to {shown(address.read(changed))}")
 
     def set_curve(self, layer_path: str, curve: Curve | None) -> None:
         """Put a freehand curve on a layer's profile, or take it away. Raises UnknownName."""
@@ -435,11 +416,8 @@ class Session:
             if object_id not in state:
                 raise UnknownName("object", object_id, state)
         self._check_models(state)
-        lights = lights_in(state)
-        for key in lights:
-            if key not in [group.key for group in self._lights]:
-                raise UnknownName("light", key, [group.key for group in self._lights])
-        self._record(label, {name: state[name] for name in self._materials} | lights)
+        self._check_lights(state)
+        self._record(label, {name: state[name] for name in self._materials} | lights_in(state))
 
     def gesture(self) -> AbstractContextManager[None]:
         """Everything inside is one step of undo, such as the drag of a slider.
@@ -566,6 +544,7 @@ class Session:
         """
         state = edits_from_text(text, self._materials, where, self._lights)
         self._check_models(state)
+        self._check_lights(state)
         self._record(f"Loaded {where}", state)
 
     def save(self, path: str | Path) -> None:
@@ -636,25 +615,6 @@ class Session:
                 raise InvalidValue(f"object {object_id} cannot be edited: {reason}")
         raise UnknownName("object", object_id, self._materials)
 
-    def _light(self, group: LightGroup) -> LightState:
-        return lights_in(self._history.state).get(group.key, group.initial)
-
-    def _change_light(self, group: LightGroup, light: LightState, label: str) -> None:
-        """Lights that are as the scene has them are left out of the state."""
-        state = {key: item for key, item in self._history.state.items() if key != group.key}
-        self._record(label, state if light == group.initial else state | {group.key: light})
-
-    def _reset_light(self, path: str, label: str) -> None:
-        """Back to the scene's own: a light, or one of its parameters. Raises UnknownName."""
-        for group in self._lights:
-            if path == group.key:
-                self._change_light(group, group.initial, label)
-                return
-        light = resolve_light(self._lights, path)
-        group, name = light.group, light.parameter
-        original = self._light(group).set(name, group.initial.get(name), path)
-        self._change_light(group, original, label)
-
     def _change_layer(self, path: str, label: str, **changes: Any) -> None:
         object_id, name = resolve_layer(self._materials, path)
         state = self._history.state[object_id]
@@ -711,11 +671,3 @@ def _energy_warnings(object_id: str, material: Material, state: MaterialState) -
         f"{object_id} reflects more light than it receives (albedo {worst:.2f} in {channel}): "
         "lower a colour or weight, or link the layers"
     ]
-
-
-def _shown(value: Value) -> str:
-    if isinstance(value, tuple):
-        return "(" + ", ".join(f"{item:.4g}" for item in value) + ")"
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    return value if isinstance(value, str) else f"{value:.4g}"

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from burnish.core.errors import BundleError, BurnishError
+from burnish.core.types import Value
 from burnish.materials.layer import Layer, Material
 from burnish.materials.lights import Light, LightGroup
+from burnish.materials.parameter import Parameter
+from burnish.materials.placement import parameters_from_json, parameters_to_json
 from burnish.materials.registry import material_from_json, material_to_json
 from burnish.transport.basis import Basis, EditableObject
 
@@ -85,6 +88,11 @@ class BundleHeader:
                 for view in self.views
             ],
             "lights": [{"name": light.name, "kind": light.kind} for light in self.lights],
+            "light_parameters": {
+                light.name: parameters_to_json(light.parameters)
+                for light in self.lights
+                if light.parameters
+            },
             "light_groups": _groups_json(basis.lights),
             "provenance": dict(self.provenance),
         }
@@ -105,15 +113,16 @@ class BundleHeader:
                 EditableObject(item["id"], material_from_json(item["material"]))
                 for item in data["editable"]
             )
+            own = {
+                name: parameters_from_json(given)
+                for name, given in data.get("light_parameters", {}).items()
+            }
             return BundleHeader(
                 basis=Basis(
                     objects,
                     tuple(data["series"]),
                     data["indirect_bins"],
-                    tuple(
-                        LightGroup(group["name"], tuple(group["members"]))
-                        for group in data.get("light_groups", ())
-                    ),
+                    tuple(_group(group, own) for group in data.get("light_groups", ())),
                 ),
                 views=tuple(
                     ViewHeader(
@@ -128,7 +137,10 @@ class BundleHeader:
                 objects=tuple(ObjectHeader(**item) for item in data["objects"]),
                 provenance=data["provenance"],
                 name=data["name"],
-                lights=tuple(Light(**light) for light in data.get("lights", ())),
+                lights=tuple(
+                    Light(light["name"], light["kind"], own.get(light["name"], ()))
+                    for light in data.get("lights", ())
+                ),
             )
         except (KeyError, TypeError, ValueError, AttributeError, BurnishError) as error:
             raise BundleError(
@@ -158,7 +170,7 @@ class BundleHeader:
             ],
             "bounces": self.basis.bounces,
             "series": list(self.basis.series),
-            "lights": [{"id": light.name, "kind": light.kind} for light in self.lights],
+            "lights": [_light_info(light) for light in self.lights],
             "light_groups": _groups_json(self.basis.lights),
             "resolution": [view.width, view.height] if view else None,
             "provenance": dict(self.provenance),
@@ -169,20 +181,37 @@ def _groups_json(groups: tuple[LightGroup, ...]) -> list[Json]:
     return [{"name": group.name, "members": list(group.members)} for group in groups]
 
 
+def _group(data: Json, own: Mapping[str, tuple[Parameter, ...]]) -> LightGroup:
+    """A light group; a single light keeps its parameters."""
+    members = tuple(data["members"])
+    parameters = own.get(members[0], ()) if len(members) == 1 else ()
+    return LightGroup(data["name"], members, parameters)
+
+
+def _light_info(light: Light) -> Json:
+    parameters = {item.name: _parameter_info(item, item.default) for item in light.parameters}
+    return {"id": light.name, "kind": light.kind, "parameters": parameters}
+
+
 def _layer_info(material: Material, layer: Layer) -> Json:
     values = material.initial.layers[layer.name].values
-    parameters: Json = {}
-    for parameter in material.parameters(layer.name):
-        value = values[parameter.name]
-        entry: Json = {"value": list(value) if isinstance(value, tuple) else value}
-        if parameter.kind == "choice":
-            entry["choices"] = list(parameter.choices)
-        else:
-            entry |= {"min": parameter.minimum, "max": parameter.maximum}
-        parameters[parameter.name] = entry | {"unit": parameter.unit}
+    parameters = {
+        item.name: _parameter_info(item, values[item.name])
+        for item in material.parameters(layer.name)
+    }
     return {
         "name": layer.name,
         "model": layer.model.name,
         "bins": layer.bins,
         "parameters": parameters,
     }
+
+
+def _parameter_info(parameter: Parameter, value: Value) -> Json:
+    """A parameter's value, what it may be and its unit."""
+    entry: Json = {"value": list(value) if isinstance(value, tuple) else value}
+    if parameter.kind == "choice":
+        entry["choices"] = list(parameter.choices)
+    elif parameter.kind != "file":
+        entry |= {"min": parameter.minimum, "max": parameter.maximum}
+    return entry | {"unit": parameter.unit}

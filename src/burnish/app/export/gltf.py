@@ -13,6 +13,7 @@ import json
 import struct
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,10 @@ from burnish.core.colour import srgb_from_linear
 from burnish.core.types import AnyArray, Float64
 from burnish.materials.coefficients import conserved
 from burnish.materials.layer import MaterialState
-from burnish.materials.lights import factors
+from burnish.materials.lights import factors, placements
 from burnish.materials.models.principled import ior_of_specular
 from burnish.materials.openpbr import coat_roughness
 from burnish.scene import Scene, SceneObject
-from burnish.scene.lights import scaled
 from burnish.scene.reader import Fixed
 from burnish.scene.tree import Tree
 from burnish.scene.wrapping import Wrapping, unwrap
@@ -47,10 +47,10 @@ def write_gltf(scene: Scene, state: State, path: Path, binary: bool) -> Exported
     with tempfile.TemporaryDirectory(prefix="burnish-") as name:
         # Textures are embedded; the folder only holds what is evaluated on the way
         folder = Folder(Path(name) / "scene")
-        tree = scene.tree
-        mixed = factors(scene.lights, state)
-        if mixed:
-            tree = scaled(tree, scene.lights, mixed, Path(name))
+        mixed, placed = factors(scene.lights, state), placements(scene.lights, state)
+        tree = scene.with_lights(mixed, Path(name), placed)
+        if placed:
+            scene = replace(scene, mi_scene=tree.build())
         writer = _Writer(scene, tree, folder)
         document = writer.document(state)
     content, blob = json.dumps(document), bytes(writer.blob)

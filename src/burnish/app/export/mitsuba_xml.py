@@ -17,12 +17,11 @@ from burnish.app.export.files import Folder, Textures
 from burnish.app.export.report import Exported
 from burnish.core.errors import InvalidValue
 from burnish.materials.layer import MaterialState
-from burnish.materials.lights import factors, without_lights
+from burnish.materials.lights import factors, placements, without_lights
 from burnish.materials.registry import material_to_json, state_to_json
 from burnish.reference.bsdf import MATERIAL_FORMAT, MATERIAL_VERSION, PLUGIN
 from burnish.reference.truth import is_initial
 from burnish.scene import Scene, SceneObject
-from burnish.scene.lights import scaled
 from burnish.scene.tree import Reference, Tree, UniqueNames, names_file
 from burnish.transport.basis import State
 
@@ -62,8 +61,8 @@ def write_xml(scene: Scene, state: State, path: Path, plugin: bool = False) -> E
             edited[node] = (object_id, described)
     with tempfile.TemporaryDirectory(prefix="burnish-") as pictures:
         # What the mix of the lights makes of their images is copied with all other files
-        mixed = factors(scene.lights, state)
-        tree = scaled(scene.tree, scene.lights, mixed, Path(pictures)) if mixed else scene.tree
+        mixed, placed = factors(scene.lights, state), placements(scene.lights, state)
+        tree = scene.with_lights(mixed, Path(pictures), placed)
         document = _Writer(tree, folder, edited).scene()
     path.write_text(ElementTree.tostring(document, encoding="unicode") + "\n", "utf-8")
     result.files += [path, *folder.written]
