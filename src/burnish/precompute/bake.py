@@ -80,7 +80,7 @@ def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
             tolerance,
             1 / max(accumulator.samples, 1),
         )
-    rows, blocks = _drop_unused(accumulator.rows, blocks)
+    rows, blocks = drop_unused(accumulator.rows, blocks)
     t = accumulator.target
     return Tile(
         rectangle.x,
@@ -96,7 +96,7 @@ def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
     )
 
 
-def _drop_unused(rows: Rows, blocks: list[Block]) -> tuple[Rows, list[Block]]:
+def drop_unused(rows: Rows, blocks: list[Block]) -> tuple[Rows, list[Block]]:
     """Without the rows that were only a precaution: never seen, and in no block."""
     used = rows.weight > 0
     for block in blocks:

@@ -1,0 +1,142 @@
+"""A tile of direct light: what materials do with it gathered from triangles, the rest traced.
+
+Columns of bins are gathered (`gather`). Directly seen emission, what fixed objects reflect and
+the delta columns of mirrors come from the path tracer with one bounce, many samples per pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from burnish.core.types import Float32, Float64
+from burnish.precompute.accumulate import Accumulator, Layout
+from burnish.precompute.bake import ViewPlan, drop_unused, strata, tile_seed
+from burnish.precompute.direct.gather import ObjectLight
+from burnish.precompute.direct.lights import LightTables, Lights, find_lights
+from burnish.precompute.direct.points import RowPoints, find_points
+from burnish.precompute.tracer import CELL
+from burnish.scene import Scene
+from burnish.transport.basis import Basis
+from burnish.transport.block import Block, Tile
+from burnish.transport.compression import compress_tile
+from burnish.transport.rows import Rows
+
+TRIANGLES = 4000
+POINTS = 4
+
+
+@dataclass(frozen=True)
+class DirectPlan:
+    """What a bake of direct light needs beside the views' plans.
+
+    points: of each row, at which all lights are looked at.
+    """
+
+    lights: Lights
+    tables: LightTables
+    points: int = POINTS
+
+    @staticmethod
+    def of(scene: Scene, basis: Basis, triangles: int, points: int = POINTS) -> DirectPlan:
+        """Find the lights of a scene. Raises InvalidValue, SceneError."""
+        lights = find_lights(scene, basis, triangles)
+        return DirectPlan(lights, LightTables(lights), points)
+
+
+def gather_tile(
+    direct: DirectPlan, plan: ViewPlan, number: int, spp: int, seed: int, tolerance: float
+) -> Tile:
+    """Gather one tile and compress it. spp: of what is traced."""
+    rectangle, tracer = plan.tiles[number], plan.tracer
+    rows = plan.tile_rows(rectangle)
+    traced = Accumulator(tracer, rectangle, rows)
+    for index, samples in enumerate(strata(spp)):
+        traced.run(samples, tile_seed(seed, plan.name, number, index), plan.largest)
+    layout, basis = traced.layout, tracer.basis
+    fixed, emission = traced.image(traced.target.fixed), traced.image(traced.target.emission)
+    mirrors = _mirrors(traced)
+    lost, samples = int(np.array(traced.target.lost)[0]), traced.samples
+    # Before as much again is needed
+    del traced
+
+    points_seed = tile_seed(seed, plan.name, number, 1 << 20)
+    where = find_points(tracer, rectangle, rows, direct.points, points_seed)
+    buffer = dr.zeros(mi.Float, max(layout.values, 1) * CELL)
+    dr.make_opaque(buffer)
+    _gather(direct, plan, rows, layout, where, buffer, points_seed)
+    blocks: list[Block] = []
+    share = where.share
+    share[where.found] /= where.count[:, None, None]
+    values = np.array(buffer, copy=False)[: layout.values * CELL]
+    for run, T, mirror in zip(layout.runs, layout.split(values), mirrors, strict=True):
+        if not run.indirect:
+            _finish(T, basis, run.object, share[run.start : run.stop], mirror)
+        which = np.arange(run.start, run.stop, dtype=np.int32)
+        blocks += compress_tile(T, rows, which, tracer.view.width, basis, tolerance)
+    kept, blocks = drop_unused(rows, blocks)
+    r = rectangle
+    return Tile(r.x, r.y, r.width, r.height, kept, blocks, fixed, emission, samples, lost)
+
+
+def _gather(
+    direct: DirectPlan,
+    plan: ViewPlan,
+    rows: Rows,
+    layout: Layout,
+    where: RowPoints,
+    buffer: Any,
+    seed: int,
+) -> None:
+    """Sum the light at the points of all rows, object by object and point by point."""
+    owner = rows.object[where.found]
+    for index in np.unique(owner):
+        light = ObjectLight(plan.tracer, int(index), direct.tables)
+        own = np.nonzero(owner == index)[0]
+        for k in range(int(where.count[own].max())):
+            here = own[where.count[own] > k]
+            ray = where.chosen[here, k]
+            light.add(
+                buffer,
+                mi.UInt32(layout.offsets[where.found[here]].astype(np.uint32)),
+                mi.Point3f(np.ascontiguousarray(where.origin[ray].T)),
+                mi.Vector3f(np.ascontiguousarray(where.direction[ray].T)),
+                k,
+                seed,
+            )
+
+
+def _mirrors(traced: Accumulator) -> list[dict[int, Float32]]:
+    """The delta columns of each run, per sample: float32 [rows, tails, CELL] by column."""
+    basis = traced.tracer.basis
+    return [
+        {}
+        if run.indirect
+        else {
+            part.start: T[:, part.start] / np.float32(max(traced.samples, 1))
+            for part in basis.slices(run.object)
+            if part.delta
+        }
+        for run, T in zip(traced.layout.runs, traced.sums(), strict=True)
+    ]
+
+
+def _finish(
+    T: Float32, basis: Basis, index: int, share: Float64, mirrors: dict[int, Float32]
+) -> None:
+    """Scale what was gathered, and put in the columns of mirrors, in place.
+
+    T: float32 [rows, columns, tails, CELL]. share: float64 [rows, slots, 3], see `RowPoints`.
+    """
+    for part in basis.slices(index):
+        if part.delta:
+            T[:, part.start] = mirrors[part.start]
+        else:
+            scale = share[:, part.layer, None, None, :].astype(np.float32)
+            T[:, part.start : part.stop, :, :3] *= scale
+
+

@@ -1,0 +1,167 @@
+"""Where in a row direct light is gathered: a few of the camera's samples, for all that meet it.
+
+Many samples tell how much of a pixel an object covers and what its texture is there; light
+varies more slowly, and is gathered at a few of them, evenly chosen: at more where the normals
+differ so much inside a pixel that sharp reflections do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from burnish.core.types import Float32, Float64, Int32, Int64
+from burnish.materials.layer import Layer
+from burnish.precompute.accumulate import Rectangle
+from burnish.precompute.tracer import Tracer
+from burnish.transport.rows import Rows
+
+SAMPLES = 64
+"""Camera samples per pixel that coverage and textures are averaged over; a square number."""
+
+LANES = 1 << 20
+
+CURVED = ((0.006, 4), (0.03, 16))
+"""Standard deviation of a row's normals in radians, and how many times as many points it gets
+from there on where its object is glossy; no more than SAMPLES in all."""
+
+
+@dataclass(frozen=True)
+class RowPoints:
+    """Where the rows of a rectangle are gathered.
+
+    found: int32 [n], the rows that any sample met. count: int64 [n], points of each. chosen:
+    int64 [n, most points], which camera rays: of origin, direction, float32 [rays, 3]; only the
+    first `count` of each row count. share: float64 [rows, slots, 3], what each layer slot's column is times the
+    mean over the points: the part of the pixel's filter that the object covers, times the mean
+    of the layer's weight map over it; the map's share in the light is taken as its mean.
+    """
+
+    found: Int32
+    count: Int64
+    chosen: Int64
+    origin: Float32
+    direction: Float32
+    share: Float64
+
+
+def find_points(
+    tracer: Tracer, rectangle: Rectangle, rows: Rows, points: int, seed: int
+) -> RowPoints:
+    """Send camera rays through a rectangle and choose of each row's.
+
+    points: how many of a row that is not curved.
+    """
+    area, objects = rectangle.width * rectangle.height, len(tracer.basis.objects)
+    slots = max(tracer.materials.slots, 1)
+    table = _row_table(tracer, rectangle, rows)
+    sums = dr.zeros(mi.Float, max(len(rows), 1) * slots * 3)
+    normals = dr.zeros(mi.Float, max(len(rows), 1) * 3)
+    dr.make_opaque(sums, normals)
+    per_pass = max(1, min(SAMPLES, LANES // area))
+    per_pass = 1 << (per_pass.bit_length() - 1)
+    sampler = mi.load_dict({"type": "multijitter", "sample_count": SAMPLES})
+    sampler.set_samples_per_wavefront(per_pass)
+    sampler.seed(seed & 0xFFFFFFFF, area * per_pass)
+    local = dr.arange(mi.UInt32, area * per_pass) // per_pass
+    pixel = mi.Point2u(
+        rectangle.x + local % rectangle.width, rectangle.y + local // rectangle.width
+    )
+    dr.make_opaque(pixel, local)
+    met_rows, origins, directions = [], [], []
+    for number in range(SAMPLES // per_pass):
+        if number:
+            sampler.advance()
+        sampler.schedule_state()
+        dr.eval()
+        ray, weight = tracer.camera_ray(pixel, sampler)
+        row, normal, H = _met(tracer, ray, sampler, table, local, objects)
+        for k in range(3):
+            dr.scatter_add(normals, normal[k], mi.UInt32(row) * 3 + k, row >= 0)
+        for s in range(slots):
+            value = weight if not H or H[s] is None else weight * H[s]
+            for k in range(3):
+                dr.scatter_add(sums, value[k], (mi.UInt32(row) * slots + s) * 3 + k, row >= 0)
+        dr.eval(sums, normals, row, ray)
+        met_rows.append(np.array(row))
+        origins.append(np.array(ray.o).T)
+        directions.append(np.array(ray.d).T)
+    met = np.concatenate(met_rows)
+    counts = np.bincount(met[met >= 0], minlength=len(rows))
+    total = np.array(normals).astype(np.float64).reshape(-1, 3)[: len(rows)]
+    wanted = _wanted(tracer, rows, counts, total, points)
+    found = np.nonzero(counts)[0].astype(np.int32)
+    share = np.array(sums).astype(np.float64).reshape(-1, slots, 3)[: len(rows)] / SAMPLES
+    return RowPoints(
+        found,
+        wanted[found],
+        _choose(met, counts, wanted, found),
+        np.concatenate(origins).astype(np.float32),
+        np.concatenate(directions).astype(np.float32),
+        share,
+    )
+
+
+def _wanted(tracer: Tracer, rows: Rows, counts: Int64, normals: Float64, points: int) -> Int64:
+    """How many points each row gets: int64 [rows]. normals: their sums over the samples."""
+    glossy = np.array([_is_glossy(item.material.layers) for item in tracer.basis.objects])
+    mean = np.linalg.norm(normals, axis=1) / np.maximum(counts, 1)
+    spread = np.sqrt(np.maximum(1 - mean * mean, 0))
+    factor = np.ones(len(rows), np.int64)
+    for least, more in CURVED:
+        factor[(spread > least) & glossy[rows.object]] = more
+    return np.minimum(points * factor, SAMPLES)
+
+
+def _is_glossy(layers: Sequence[Layer]) -> bool:
+    return any(
+        layer.model.lobe == "half" or layer.model.coordinate_name == "theta_r" for layer in layers
+    )
+
+
+def _row_table(tracer: Tracer, rectangle: Rectangle, rows: Rows) -> Any:
+    """The fine row of each (pixel of the rectangle, object), or -1: mi.Int32."""
+    objects = max(len(tracer.basis.objects), 1)
+    table = np.full((rectangle.width * rectangle.height, objects), -1, np.int32)
+    x = rows.pixel % tracer.view.width - rectangle.x
+    y = rows.pixel // tracer.view.width - rectangle.y
+    fine = ~rows.indirect
+    local = y * rectangle.width + x
+    table[local[fine], rows.object[fine]] = np.nonzero(fine)[0]
+    result = mi.Int32(table.ravel())
+    dr.make_opaque(result)
+    return result
+
+
+def _met(
+    tracer: Tracer, ray: Any, sampler: Any, table: Any, local: Any, objects: int
+) -> tuple[Any, Any, list[Any]]:
+    """The row that each ray's first hit belongs to, or -1; its normal and its weight maps."""
+    m = tracer.materials
+    si = tracer.scene.mi_scene.ray_intersect(ray)
+    valid = si.is_valid()
+    obj, symbolic = tracer.object_of(si, valid)
+    ours = valid & (symbolic >= 0)
+    if m.masks:
+        ours &= ~m.passes(si, obj, sampler.next_1d(), ours)
+    frame = m.orient(si, obj, ours)
+    ours &= frame.wo.z > 0
+    index = local * max(objects, 1) + mi.UInt32(dr.maximum(symbolic, 0))
+    row = dr.select(ours, dr.gather(mi.Int32, table, index, ours), -1)
+    normal = si.to_world(frame.to_shading(mi.Vector3f(0, 0, 1))[0])
+    return row, normal, m.weight_maps(si, obj, ours)
+
+
+def _choose(met: Int32, counts: Int64, wanted: Int64, found: Int32) -> Int64:
+    """Samples of each found row, evenly among those that met it: int64 [n, most points]."""
+    order = np.argsort(met, kind="stable")
+    first = len(met) - counts.sum() + np.cumsum(counts) - counts
+    most = int(wanted[found].max(initial=1))
+    steps = (np.arange(most) + 0.5) / wanted[found, None]
+    at = first[found, None] + (np.minimum(steps, 0.999) * counts[found, None]).astype(np.int64)
+    return order[at]
