@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +21,10 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.model import Model
 from burnish.materials.models.ashikhmin_shirley import AshikhminShirleyRatio, AshikhminShirleyWidth
+from burnish.materials.models.ashikhmin_shirley_curves import AshikhminShirleyCurves
 from burnish.materials.models.beard_maxwell import BeardMaxwellSurface, BeardMaxwellVolume
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import (
@@ -29,6 +32,7 @@ from burnish.materials.models.cook_torrance import (
     CookTorranceConductor,
     CookTorranceDielectric,
 )
+from burnish.materials.models.cook_torrance_curves import CookTorranceCurves
 from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.light_view import LightView
@@ -47,6 +51,7 @@ from burnish.materials.models.ward import WardRatio, WardWidth
 from burnish.materials.pca.models import SIX
 from burnish.materials.quadrature import energy_table
 from burnish.materials.registry import MODELS
+from burnish.materials.two_curves import TwoCurves
 from burnish.materials.user import UserModel
 
 COLOUR = (0.1, 0.5, 1.0)
@@ -85,6 +90,13 @@ CASES = {
         PlasticBase("ggx", nonlinear=True), {"color": COLOUR, "roughness": 0.1, "ior": 1.5}
     ),
     "smooth-plastic": Case(PlasticBase(), {"color": COLOUR, "roughness": 0.0, "ior": 1.5}),
+    "two-curve-copper": Case(
+        CookTorranceCurves("ggx", bins2=16), {"color": COLOUR, "roughness": 0.25, **COPPER}
+    ),
+    "two-curve-anisotropic": Case(
+        AshikhminShirleyCurves(bins=64, bins2=64),
+        {"color": COLOUR, "exponent_u": 200.0, "exponent_v": 30.0},
+    ),
     "ratio": Case(AshikhminShirleyRatio(), {"color": COLOUR, "ratio": 4.0, "exponent": 50.0}),
     "width": Case(AshikhminShirleyWidth(), {"color": COLOUR, "exponent": 200.0, "ratio": 0.3}),
     "phong": Case(Phong(), {"color": COLOUR, "exponent": 80.0}),
@@ -106,6 +118,8 @@ CASES = {
             MeasuredFresnel,
             MeasuredHalf,
             MeasuredIncident,
+            MeasuredHalfDifference,
+            MeasuredHomomorphic,
         )
     },
     "fresnel-curve": Case(FresnelCurve(), {"color": COLOUR, "roughness": 0.25, **COPPER}),
@@ -141,10 +155,14 @@ def product_form(case: Case, wi: Vector, wo: Vector, state: LayerState | None = 
     """s(θo) Σ_k a_k q_k f(t) at the exact coordinate."""
     layer, state = case.layer, state or case.state
     model = layer.model
-    t = model.coordinate(numpy_maths, wi, wo, layer.fixed)
     q = np.stack(model.quotients(numpy_maths, wi, wo, layer.fixed))
     a = model.amplitudes(state.values, layer.fixed)
-    f = np.broadcast_to(model.profile(t, state.values, layer.fixed), (len(t), 3))
+    if isinstance(model, TwoCurves):
+        t, other = model.coordinates(numpy_maths, wi, wo, layer.fixed)
+        f = model.second_profile(other, state.values, layer.fixed)
+    else:
+        t, f = model.coordinate(numpy_maths, wi, wo, layer.fixed), np.ones((1, 3))
+    f = np.broadcast_to(f * model.profile(t, state.values, layer.fixed), (len(t), 3))
     factor = outgoing(layer, state, wo.z, delta=False)
     s = 1.0 if factor is None else factor.T
     return s * np.einsum("kn,kh,nh->hn", q, a, f)
@@ -276,10 +294,14 @@ def test_numpy_equals_drjit(case: Case) -> None:
     # Frozen numbers arrive as per-lane arrays inside a kernel
     fixed = {k: mi.Float(np.full(4096, v, np.float32)) for k, v in layer.fixed.items()}
     values = {k: list(v) if isinstance(v, tuple) else v for k, v in state.values.items()}
+    model = case.model
+    # Boxes of two curves are whole numbers, which rounding tells apart at their edges
+    angles = model.coordinates if isinstance(model, TwoCurves) else _alone(model.coordinate)
     pairs = [
-        (
-            case.model.coordinate(numpy_maths, wi, wo, layer.fixed),
-            case.model.coordinate(drjit_maths, *device, fixed),
+        *zip(
+            angles(numpy_maths, wi, wo, layer.fixed),
+            angles(drjit_maths, *device, fixed),
+            strict=True,
         ),
         *zip(
             case.model.quotients(numpy_maths, wi, wo, layer.fixed),
@@ -298,6 +320,10 @@ def test_numpy_equals_drjit(case: Case) -> None:
         np.testing.assert_allclose(
             np.asarray(found), expected, rtol=2e-4, atol=2e-6 * np.abs(expected).max()
         )
+
+
+def _alone(function: Callable[..., Any]) -> Callable[..., tuple[Any]]:
+    return lambda *arguments: (function(*arguments),)
 
 
 @each_case

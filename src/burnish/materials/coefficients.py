@@ -14,6 +14,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import Float64
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.quadrature import EnergyTable, energy_table
+from burnish.materials.two_curves import TwoCurves
 
 
 def coefficients(layer: Layer, state: LayerState) -> Float64:
@@ -21,8 +22,11 @@ def coefficients(layer: Layer, state: LayerState) -> Float64:
 
     c_kj = a_k · (mean of f over bin j, weighted by the energy of q_k inside the bin), so that
     narrow lobes keep their energy however wide the bins are; k-major, the delta column last.
-    (2008, eq. 30: f = Σ_j c_j b_j.)
+    (2008, eq. 30: f = Σ_j c_j b_j.) Of two curves they are the outer products of `sides`.
     """
+    if isinstance(layer.model, TwoCurves):
+        first, second = sides(layer, state)
+        return np.asarray((first[:, :, None] * second[:, None]).reshape(-1, 3))
     result = np.zeros((layer.columns, 3))
     if not state.enabled:
         return result
@@ -33,6 +37,26 @@ def coefficients(layer: Layer, state: LayerState) -> Float64:
     if layer.delta:
         result[-1] = model.delta(values, layer.fixed)
     return np.asarray(result * state.weight)
+
+
+def sides(layer: Layer, state: LayerState) -> tuple[Float64, Float64]:
+    """The coefficients of each curve of a layer with two: A float64 [k, j, 3] and B [k, l, 3].
+
+    c_kjl = A_kj B_kl (2006, eq. 23); the amplitudes and the weight are in A.
+    """
+    model = layer.model
+    assert isinstance(model, TwoCurves)
+    if not state.enabled:
+        return np.zeros((model.rank, model.bins, 3)), np.zeros((model.rank, model.bins2, 3))
+    table = energy_table(layer)
+    assert table.sides is not None
+    found = []
+    for side, edited in zip(table.sides, (edited_profile, edited_second_profile), strict=True):
+        profile = edited(layer, state, side.t.ravel())
+        profile = np.broadcast_to(profile, (side.t.size, 3)).reshape(*side.t.shape, 3)
+        found.append(np.einsum("kjs,jsh->kjh", side.share, profile))
+    amplitudes = model.amplitudes(state.values, layer.fixed)[:, None, :] * state.weight
+    return amplitudes * found[0], found[1]
 
 
 def outgoing(layer: Layer, state: LayerState, cos_theta_o: Float64, delta: bool) -> Float64 | None:
@@ -131,6 +155,14 @@ def edited_profile(layer: Layer, state: LayerState, t: Float64) -> Float64:
     """f(t) with a freehand curve on it: float64 [len(t), 3 or 1]."""
     profile = layer.model.profile(t, state.values, layer.fixed)
     return profile if state.curve is None else state.curve.apply(t, profile)
+
+
+def edited_second_profile(layer: Layer, state: LayerState, t: Float64) -> Float64:
+    """The second curve of a model with two, with a freehand curve on it: [len(t), 3 or 1]."""
+    model = layer.model
+    assert isinstance(model, TwoCurves)
+    profile = model.second_profile(t, state.values, layer.fixed)
+    return profile if state.second_curve is None else state.second_curve.apply(t, profile)
 
 
 def _bin_averages(layer: Layer, state: LayerState) -> Float64:

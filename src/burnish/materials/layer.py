@@ -13,13 +13,15 @@ from burnish.materials.curve import Curve
 from burnish.materials.model import Model, Values
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.parameter import Parameter
+from burnish.materials.two_curves import TwoCurves
 
 
 @dataclass(frozen=True)
 class Layer:
     """One summand of a material: a model, its bins, and the numbers that a bake freezes.
 
-    bins: how many boxes divide t in [0, 1]; 1 for models with no coordinate.
+    bins: how many boxes divide t in [0, 1]; 1 for models with no coordinate. Of a model with two
+      curves, all boxes of its grid, evenly spaced (see `two_curves`).
     spacing: bin edges lie at t = (j / bins) ** spacing. 2 gives narrow bins near the
       highlight's centre, 1 gives equal ones.
     fixed: the model's frozen numbers.
@@ -37,7 +39,13 @@ class Layer:
     group: str = ""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.bins <= 4096:
+        if isinstance(self.model, TwoCurves):
+            if (self.bins, self.spacing) != (self.model.boxes, 1.0):
+                raise InvalidValue(
+                    f"layer {self.name}: bins must be those of both curves, {self.model.boxes}, "
+                    f"with spacing 1; got {self.bins} with {self.spacing:g}"
+                )
+        elif not 1 <= self.bins <= 4096:
             raise InvalidValue(f"layer {self.name}: bins must lie in [1, 4096]; got {self.bins}")
 
     @property
@@ -58,10 +66,13 @@ class Layer:
     ) -> Layer:
         """A layer whose frozen numbers make it exact at `values`.
 
-        A model without a coordinate gets one bin.
+        A model without a coordinate gets one bin; of a model with two curves, bins and spacing
+        are its own.
         """
         if model.coordinate_name == "none":
             bins, spacing = 1, 1.0
+        if isinstance(model, TwoCurves):
+            bins, spacing = model.boxes, 1.0
         return Layer(name, model, bins, spacing, model.freeze(values), delta, group)
 
     @property
@@ -90,8 +101,22 @@ class Layer:
         return self.model.rank * self.bins + int(self.delta)
 
     def with_bins(self, bins: int) -> Layer:
-        """The same layer with another number of bins (a model without a coordinate keeps 1)."""
+        """The same layer with another number of bins (a model without a coordinate keeps 1).
+
+        Of a model with two curves they are the first one's.
+        """
+        if isinstance(self.model, TwoCurves):
+            model = self.model.with_bins(bins)
+            return replace(self, model=model, bins=model.boxes)
         return self if self.model.coordinate_name == "none" else replace(self, bins=bins)
+
+    def coarser(self) -> Layer:
+        """The same layer with half as many bins; of two curves, of that which has more."""
+        if isinstance(self.model, TwoCurves) and self.model.bins2 > self.model.bins:
+            model = self.model.with_bins(self.model.bins, self.model.bins2 // 2)
+            return replace(self, model=model, bins=model.boxes)
+        now = self.model.bins if isinstance(self.model, TwoCurves) else self.bins
+        return self.with_bins(max(now // 2, 1))
 
 
 @dataclass(frozen=True)
@@ -117,6 +142,7 @@ class LayerState:
       model's s(θo) or, in mode "replace", takes its place (2006, table 1: any model can have
       one).
     replacement: another model in this layer's place (see `replacement`); `values` are its own.
+    second_curve: a freehand edit of a model's second curve (see `two_curves`).
     """
 
     values: Mapping[str, Value]
@@ -125,6 +151,13 @@ class LayerState:
     weight: float = 1.0
     outgoing_curve: Curve | None = None
     replacement: Replacement | None = None
+    second_curve: Curve | None = None
+
+
+def freehand(state: LayerState) -> bool:
+    """Whether a curve was drawn on a layer, so that its model's own formula does not hold."""
+    drawn = state.curve, state.second_curve, state.outgoing_curve
+    return any(item is not None for item in drawn)
 
 
 @dataclass(frozen=True)

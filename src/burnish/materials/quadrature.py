@@ -18,10 +18,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from burnish.core.types import Float64
+from burnish.materials.boxes import Side, box_energies
 from burnish.materials.coordinates import around_axis
 from burnish.materials.layer import Layer
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.model import Model
+from burnish.materials.nodes import bin_points, gauss_legendre
+from burnish.materials.two_curves import TwoCurves
 
 OUTGOING_NODES = 24
 AZIMUTH_NODES = 20
@@ -39,12 +42,14 @@ class EnergyTable:
     t: float64 [j, s], Gauss points inside the bins.
     density: float64 [o, k, j, s], ∫ q_k cosθi dωi over the cell of a point, so that
       Σ_js density · f(t) is the directional albedo of q_k · f.
+    sides: of a model with two curves, whose boxes j have no t; None for one curve.
     """
 
     cos_theta_o: Float64
     weight: Float64
     t: Float64
     density: Float64
+    sides: tuple[Side, Side] | None = None
 
     @cached_property
     def mean_density(self) -> Float64:
@@ -69,6 +74,9 @@ def _energy_table(
     fixed = dict(fixed_items)
     cos_o, weight = gauss_legendre(0.0, 1.0, OUTGOING_NODES)
     weight = 2 * cos_o * weight
+    if isinstance(model, TwoCurves):
+        boxes, sides = box_energies(model, fixed, cos_o, weight)
+        return EnergyTable(cos_o, weight, np.zeros((bins, 1)), boxes[..., None], sides)
     if model.coordinate_name == "none" and model.lobe == "cosine":
         t, density = _over_cosine(model, bins, fixed, cos_o)
     elif model.inverse == "half":
@@ -80,27 +88,13 @@ def _energy_table(
     return EnergyTable(cos_o, weight, t, density)
 
 
-def gauss_legendre(start: float, stop: float, count: int) -> tuple[Float64, Float64]:
-    """Nodes and weights for ∫ from start to stop."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return start + (stop - start) * (nodes + 1) / 2, weights * (stop - start) / 2
-
-
-def _bin_points(bins: int, spacing: float, points: int) -> tuple[Float64, Float64]:
-    """Gauss points and weights inside every bin: each float64 [bins, points]."""
-    edges = np.linspace(0.0, 1.0, bins + 1) ** spacing
-    nodes, weights = gauss_legendre(0.0, 1.0, points)
-    width = np.diff(edges)[:, None]
-    return edges[:-1, None] + width * nodes, width * weights
-
-
 def _over_half_vectors(
     model: Model, bins: int, spacing: float, fixed: dict[str, float], cos_o: Float64
 ) -> tuple[Float64, Float64]:
     points = max(2, model.quadrature_points // bins)
     if model.anisotropic:
         points = max(2, points // 2)
-    t, t_weight = _bin_points(bins, spacing, points)
+    t, t_weight = bin_points(bins, spacing, points)
     density = np.zeros((len(cos_o), model.rank, t.size))
     for o, mu in enumerate(cos_o):
         sin_o = np.sqrt(1 - mu * mu)
@@ -151,7 +145,7 @@ def _shell(
 def _over_rings(
     model: Model, bins: int, spacing: float, fixed: dict[str, float], cos_o: Float64
 ) -> tuple[Float64, Float64]:
-    t, t_weight = _bin_points(bins, spacing, max(2, model.quadrature_points // bins))
+    t, t_weight = bin_points(bins, spacing, max(2, model.quadrature_points // bins))
     u, u_weight = gauss_legendre(0.0, 1.0, RING_NODES)
     density = np.zeros((len(cos_o), model.rank, t.size))
     for o, mu in enumerate(cos_o):

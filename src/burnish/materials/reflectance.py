@@ -8,10 +8,16 @@ from functools import lru_cache
 import numpy as np
 
 from burnish.core.types import Float64
-from burnish.materials.coefficients import conserved, edited_profile, outgoing
+from burnish.materials.coefficients import (
+    conserved,
+    edited_profile,
+    edited_second_profile,
+    outgoing,
+)
 from burnish.materials.components import grid
-from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.layer import Layer, LayerState, Material, MaterialState, freehand
 from burnish.materials.maths import Vector, numpy_maths
+from burnish.materials.two_curves import TwoCurves
 
 
 def reflectance(material: Material, state: MaterialState, wi: Vector, wo: Vector) -> Float64:
@@ -32,11 +38,19 @@ def reflectance(material: Material, state: MaterialState, wi: Vector, wo: Vector
 def layer_reflectance(layer: Layer, state: LayerState, wi: Vector, wo: Vector) -> Float64:
     """One layer's ρ, its weight left out: float64 [3, n]."""
     model = layer.model
-    if state.curve is None and state.outgoing_curve is None:
+    if not freehand(state):
         channels = model.evaluate(numpy_maths, wi, wo, {**layer.fixed, **state.values})
         return np.stack([np.broadcast_to(channel, wi.z.shape) for channel in channels])
-    t = np.clip(model.coordinate(numpy_maths, wi, wo, layer.fixed), 0.0, 1.0)
-    profile = edited_profile(layer, state, np.broadcast_to(t, wi.z.shape))
+    if isinstance(model, TwoCurves):
+        first, second = (
+            np.broadcast_to(np.clip(t, 0.0, 1.0), wi.z.shape)
+            for t in model.coordinates(numpy_maths, wi, wo, layer.fixed)
+        )
+        profile = edited_profile(layer, state, first)
+        profile = profile * edited_second_profile(layer, state, second)
+    else:
+        t = np.clip(model.coordinate(numpy_maths, wi, wo, layer.fixed), 0.0, 1.0)
+        profile = edited_profile(layer, state, np.broadcast_to(t, wi.z.shape))
     quotients = model.quotients(numpy_maths, wi, wo, layer.fixed)
     amplitudes = model.amplitudes(state.values, layer.fixed)
     scale = sum(a[:, None] * q for a, q in zip(amplitudes, quotients, strict=True))

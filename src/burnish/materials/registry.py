@@ -20,11 +20,13 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.model import Model
 from burnish.materials.models.ashikhmin_shirley import (
     AshikhminShirleyRatio,
     AshikhminShirleyWidth,
 )
+from burnish.materials.models.ashikhmin_shirley_curves import AshikhminShirleyCurves
 from burnish.materials.models.beard_maxwell import BeardMaxwellSurface, BeardMaxwellVolume
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import (
@@ -32,6 +34,7 @@ from burnish.materials.models.cook_torrance import (
     CookTorranceConductor,
     CookTorranceDielectric,
 )
+from burnish.materials.models.cook_torrance_curves import CookTorranceCurves
 from burnish.materials.models.family import PrincipledFamily
 from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
@@ -59,9 +62,11 @@ MODELS: dict[str, type[Model]] = {
         CookTorrance,
         CookTorranceDielectric,
         CookTorranceConductor,
+        CookTorranceCurves,
         PlasticBase,
         AshikhminShirleyRatio,
         AshikhminShirleyWidth,
+        AshikhminShirleyCurves,
         Phong,
         LightView,
         OrenNayar,
@@ -76,6 +81,8 @@ MODELS: dict[str, type[Model]] = {
         MeasuredFresnel,
         MeasuredHalf,
         MeasuredIncident,
+        MeasuredHalfDifference,
+        MeasuredHomomorphic,
         PrincipledBase,
         PrincipledSheen,
         PrincipledSpecular,
@@ -151,7 +158,7 @@ def layer_from_json(data: Mapping[str, Any]) -> Layer:
 
 def layer_state_to_json(state: LayerState) -> Json:
     """What was set on one layer."""
-    outward = state.outgoing_curve
+    outward, second = state.outgoing_curve, state.second_curve
     values = {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in state.values.items()
@@ -162,6 +169,7 @@ def layer_state_to_json(state: LayerState) -> Json:
         "outgoing_curve": None if outward is None else outward.to_json(),
         "enabled": state.enabled,
         "weight": state.weight,
+        **({} if second is None else {"second_curve": second.to_json()}),
     }
 
 
@@ -174,9 +182,12 @@ def layer_state_from_json(data: Mapping[str, Any]) -> LayerState:
             else value
             for name, value in data["values"].items()
         }
-        curves = (data["curve"], data.get("outgoing_curve"))
-        curve, outward = (None if item is None else Curve.from_json(item) for item in curves)
-        return LayerState(values, curve, bool(data["enabled"]), float(data["weight"]), outward)
+        curves = (data["curve"], data.get("outgoing_curve"), data.get("second_curve"))
+        curve, outward, second = (
+            None if item is None else Curve.from_json(item) for item in curves
+        )
+        enabled, weight = bool(data["enabled"]), float(data["weight"])
+        return LayerState(values, curve, enabled, weight, outward, second_curve=second)
 
 
 def state_to_json(state: MaterialState) -> Json:

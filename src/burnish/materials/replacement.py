@@ -32,6 +32,7 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.model import Model
 from burnish.materials.models.family import Family
 from burnish.materials.models.plastic_base import PlasticBase
@@ -44,6 +45,7 @@ from burnish.materials.models.principled import (
 )
 from burnish.materials.parameter import Parameter
 from burnish.materials.registry import MODELS
+from burnish.materials.two_curves import TwoCurves
 
 _NOT_ALONE = (
     Family,
@@ -52,6 +54,8 @@ _NOT_ALONE = (
     MeasuredFresnel,
     MeasuredHalf,
     MeasuredIncident,
+    MeasuredHalfDifference,
+    MeasuredHomomorphic,
     PlasticBase,
     PrincipledBase,
     PrincipledCoat,
@@ -98,11 +102,12 @@ def replaced(
         asked = {link.source_parameter for link in material.links if link.source_layer == own.name}
         earlier = {**(old.replacement.kept if old.replacement else {}), **values}
         kept = {name: earlier[name] for name in asked - started.keys()}
-        same = before.model.coordinate_name == kind.coordinate_name
+        (had, had_second), (has, has_second) = _angles(before.model), _angles(kind)
         changed = replace(
             old,
             values=started,
-            curve=old.curve if same else None,
+            curve=old.curve if had == has else None,
+            second_curve=old.second_curve if had_second == has_second else None,
             replacement=Replacement(layer, started, kept),
         )
     return replace(state, layers={**state.layers, layer_name: changed})
@@ -120,10 +125,18 @@ def carried(before: Model, values: Mapping[str, Value], after: Model) -> dict[st
     alpha = _alpha(before, values)
     if alpha is not None and (width := _WIDTHS.get(after.name)) is not None:
         wanted[width.parameter] = width.from_alpha(max(alpha, _LEAST_ALPHA))
+        if width.parameter == "exponent_u":
+            ratio = float(values.get("ratio", 1.0))  # type: ignore[arg-type]
+            wanted["exponent_v"] = ratio * float(wanted["exponent_u"])  # type: ignore[arg-type]
     for name, value in wanted.items():
         if name in ranges:
             result[name] = _inside(ranges[name], value)
     return result
+
+
+def _angles(model: Model) -> tuple[str, str]:
+    """What a model's curve is over, and its second one, if it has two."""
+    return model.names if isinstance(model, TwoCurves) else (model.coordinate_name, "")
 
 
 @dataclass(frozen=True)
@@ -144,6 +157,7 @@ _WIDTHS: dict[str, _Width] = {
     "cook-torrance": _PLAIN,
     "cook-torrance-dielectric": _PLAIN,
     "cook-torrance-conductor": _PLAIN,
+    "cook-torrance-curves": _PLAIN,
     "fresnel-curve": _PLAIN,
     "ward-width": _PLAIN,
     "ward-ratio": _PLAIN,
@@ -153,6 +167,7 @@ _WIDTHS: dict[str, _Width] = {
     "blinn-phong": _EXPONENT,
     "ashikhmin-shirley-width": _EXPONENT,
     "ashikhmin-shirley-ratio": _EXPONENT,
+    "ashikhmin-shirley-curves": replace(_EXPONENT, parameter="exponent_u"),
     "phong": _PHONG,
     "beard-maxwell-surface": _Width("sigma", lambda v: v, lambda a: a),
     "ward-pca": _PLAIN,

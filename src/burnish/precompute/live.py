@@ -125,8 +125,7 @@ class LiveEstimate:
                     material=replace(
                         item.material,
                         layers=tuple(
-                            layer.with_bins(max(layer.bins // 2, 1))
-                            for layer in item.material.layers
+                            layer.coarser() for layer in item.material.layers
                         ),
                     ),
                 )

@@ -22,9 +22,11 @@ from burnish.materials.coefficients import (
     coefficients,
     conserved,
     edited_profile,
+    edited_second_profile,
     outgoing,
 )
-from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.layer import Layer, LayerState, Material, MaterialState, freehand
+from burnish.materials.two_curves import TwoCurves
 from burnish.reference.lobes import Lobe, Lobes
 from burnish.scene.maps import WeightMap
 from burnish.scene.maths import drjit_maths
@@ -224,8 +226,7 @@ def is_smooth(layer: Layer, state: LayerState) -> bool:
 
 
 def _form(layer: Layer, state: LayerState) -> _Curved | _Formula:
-    freehand = state.curve is not None or state.outgoing_curve is not None
-    return _Curved(layer, state) if freehand else _Formula(layer, state)
+    return _Curved(layer, state) if freehand(state) else _Formula(layer, state)
 
 
 class _Formula:
@@ -253,14 +254,21 @@ class _Curved:
         self.layer = layer
         t = np.linspace(0.0, 1.0, CURVE_NODES) ** 2
         self.profile = _table(edited_profile(layer, state, t))
+        self.second = None
+        if isinstance(layer.model, TwoCurves):
+            self.second = _table(edited_second_profile(layer, state, t))
         amplitudes = layer.model.amplitudes(state.values, layer.fixed)
         self.amplitudes = [dr.opaque(mi.Color3f, a.tolist()) for a in amplitudes]
         self.outgoing = _Outgoing(layer, state, delta=False)
 
     def evaluate(self, wi: Any, wo: Any, active: Any) -> Any:
         model, fixed = self.layer.model, self.layer.fixed
-        t = model.coordinate(drjit_maths, wi, wo, fixed)
-        profile = _interpolate(self.profile, CURVE_NODES, dr.sqrt(dr.clip(t, 0, 1)), active)
+        if isinstance(model, TwoCurves):
+            t, other = model.coordinates(drjit_maths, wi, wo, fixed)
+            profile = _interpolate(self.second, CURVE_NODES, dr.sqrt(dr.clip(other, 0, 1)), active)
+        else:
+            t, profile = model.coordinate(drjit_maths, wi, wo, fixed), mi.Color3f(1)
+        profile *= _interpolate(self.profile, CURVE_NODES, dr.sqrt(dr.clip(t, 0, 1)), active)
         quotients = model.quotients(drjit_maths, wi, wo, fixed)
         scale = sum((a * q for a, q in zip(self.amplitudes, quotients, strict=True)), mi.Color3f(0))
         return scale * profile * self.outgoing.evaluate(wo.z, active)
@@ -311,6 +319,10 @@ def _bin(layer: Layer, wi: Any, wo: Any) -> Any:
 
 
 def _profile_of(layer: Layer, state: LayerState) -> Any:
+    if isinstance(layer.model, TwoCurves):
+        # Over the boxes, which is what the coordinate of two curves tells
+        c = coefficients(layer, state).reshape(-1, layer.bins, 3)
+        return _steps(layer, np.asarray(c.sum(axis=0)))
     return lambda t: edited_profile(layer, state, t)
 
 

@@ -28,6 +28,7 @@ class DrJitMaths:
     atan2 = staticmethod(dr.atan2)
     power = staticmethod(dr.power)
     abs = staticmethod(dr.abs)
+    floor = staticmethod(dr.floor)
     minimum = staticmethod(dr.minimum)
     maximum = staticmethod(dr.maximum)
     select = staticmethod(dr.select)

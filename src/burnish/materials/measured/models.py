@@ -91,7 +91,7 @@ class Measured(Model):
 
 
 @dataclass(frozen=True)
-class _HalfDifference(Measured):
+class HalfDifference(Measured):
     """Terms of ρ = q · (A(θin) A(θout) + C(θd) E(θh)), with one q (2006, eq. 18)."""
 
     form = "half-difference"
@@ -126,7 +126,7 @@ class _HalfDifference(Measured):
 
 
 @dataclass(frozen=True)
-class MeasuredSpecular(_HalfDifference):
+class MeasuredSpecular(HalfDifference):
     """The specular term, edited over θh: f = E(θh), the measured highlight."""
 
     name = "measured-specular"
@@ -135,7 +135,7 @@ class MeasuredSpecular(_HalfDifference):
 
 
 @dataclass(frozen=True)
-class MeasuredFresnel(_HalfDifference):
+class MeasuredFresnel(HalfDifference):
     """The specular term, edited over θd: f = C(θd), how it grows towards grazing angles."""
 
     name = "measured-fresnel"
@@ -145,7 +145,7 @@ class MeasuredFresnel(_HalfDifference):
 
 
 @dataclass(frozen=True)
-class MeasuredDiffuse(_HalfDifference):
+class MeasuredDiffuse(HalfDifference):
     """The diffuse term, edited over θin: f = A(θin). An `outgoing_curve` edits A(θout)."""
 
     name = "measured-diffuse"

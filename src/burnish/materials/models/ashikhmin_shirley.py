@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,7 +72,7 @@ class _AshikhminShirley(Model):
         return 2
 
     def coordinate(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> Any:
-        log_cos, cos2_phi, sin2_phi = _half_angles(xp, half_vector(xp, wi, wo))
+        log_cos, cos2_phi, sin2_phi = half_angles(xp, half_vector(xp, wi, wo))
         x = log_cos * self._power(cos2_phi, sin2_phi, fixed)
         return xp.atan2(xp.sqrt(one_minus_exp(xp, 2 * x)), xp.exp(-x)) * (2 / xp.pi)
 
@@ -87,7 +87,7 @@ class _AshikhminShirley(Model):
     def quotients(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> list[Any]:
         h = half_vector(xp, wi, wo)
         cos_d = xp.minimum(xp.maximum(dot(wi, h), 1e-6), 1.0)
-        log_cos, cos2_phi, _ = _half_angles(xp, h)
+        log_cos, cos2_phi, _ = half_angles(xp, h)
         lobe = self._frozen_lobe(xp, log_cos, cos2_phi, fixed)
         shared = lobe / (8 * xp.pi * cos_d * xp.maximum(wi.z, wo.z))
         return [shared * f for f in schlick_basis(cos_d, fixed["f0"])]
@@ -99,16 +99,7 @@ class _AshikhminShirley(Model):
 
     def evaluate(self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any]) -> list[Any]:
         nu, ratio = self._exponents(values)
-        h = half_vector(xp, wi, wo)
-        cos_d = xp.maximum(dot(wi, h), 1e-6)
-        across = xp.maximum(h.x * h.x + h.y * h.y, 1e-12)
-        exponent = (nu * h.x * h.x + ratio * nu * h.y * h.y) / across
-        lobe = xp.exp(exponent * xp.log(xp.minimum(xp.maximum(h.z, 1e-6), 1.0)))
-        lobe = lobe * xp.sqrt((nu + 1) * (ratio * nu + 1)) / (8 * xp.pi * cos_d)
-        lit = (wi.z > 0) & (wo.z > 0)
-        lobe = xp.select(lit, lobe / xp.select(lit, xp.maximum(wi.z, wo.z), 1.0), 0.0)
-        grazing = schlick_weight(cos_d)
-        return [lobe * (f0 + (1 - f0) * grazing) for f0 in values["color"]]
+        return lobe(xp, wi, wo, nu, ratio * nu, values["color"])
 
 
 @dataclass(frozen=True)
@@ -182,7 +173,21 @@ class AshikhminShirleyWidth(_AshikhminShirley):
         return values["exponent"], values["ratio"]
 
 
-def _half_angles(xp: Maths, h: Vector) -> tuple[Any, Any, Any]:
+def lobe(xp: Maths, wi: Any, wo: Any, nu: Any, nv: Any, color: Sequence[Any]) -> list[Any]:
+    """ρ of each channel (2006, eq. 11), by the paper's own formula; color: F0."""
+    h = half_vector(xp, wi, wo)
+    cos_d = xp.maximum(dot(wi, h), 1e-6)
+    across = xp.maximum(h.x * h.x + h.y * h.y, 1e-12)
+    exponent = (nu * h.x * h.x + nv * h.y * h.y) / across
+    value = xp.exp(exponent * xp.log(xp.minimum(xp.maximum(h.z, 1e-6), 1.0)))
+    value = value * xp.sqrt((nu + 1) * (nv + 1)) / (8 * xp.pi * cos_d)
+    lit = (wi.z > 0) & (wo.z > 0)
+    value = xp.select(lit, value / xp.select(lit, xp.maximum(wi.z, wo.z), 1.0), 0.0)
+    grazing = schlick_weight(cos_d)
+    return [value * (f0 + (1 - f0) * grazing) for f0 in color]
+
+
+def half_angles(xp: Maths, h: Vector) -> tuple[Any, Any, Any]:
     """−log cosθh, with its digits near the normal, and cos²φh and sin²φh, each with its own."""
     across = h.x * h.x + h.y * h.y
     log_cos = 0.5 * log_one_plus(xp, across / xp.maximum(h.z * h.z, 1e-12))
