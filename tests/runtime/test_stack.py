@@ -91,7 +91,8 @@ def test_chunks_hold_every_cell_once() -> None:
     source, _ = compressed(basis_of((6, 1)))
     whole = source.stacks()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("burnish.transport.stack._CHUNK", 42)
+        patch.setattr("burnish.transport.stack.CHUNK", 42)
+        patch.setattr("burnish.transport.stack._NARROWEST", 1)
         small = [
             Stack.of(
                 [

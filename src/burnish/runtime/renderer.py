@@ -2,12 +2,13 @@
 
 B = base + Σ_parts s(θo) · Σ_c Σ_n F[:, c, n] · coefficient_c · power_n (2008, eq. 28).
 A frame reads F, or the blocks of a folded part, once, so memory bandwidth is what it costs.
-What has not changed since the last frame is not read again.
+What has not changed since the last frame is not read again. Of a layer with two curves the one
+that is not edited is contracted beforehand (`switching`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,13 @@ import numpy as np
 from burnish.core.errors import InvalidValue
 from burnish.core.parallel import core_count, parallel_map
 from burnish.core.types import Float32, Float64
+from burnish.materials.two_curves import TwoCurves
+from burnish.runtime.switching import Switch
 from burnish.transport.basis import State
 from burnish.transport.contraction import Contracted, back, collect, contract, fold, unfold
 from burnish.transport.expansion import blank, flattened
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
+from burnish.transport.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,10 @@ _SMALL = 1 << 16
 """Entries of F below which threads cost more than they save."""
 
 
+Contraction = Callable[[Sequence[Stack], Sequence[Float64]], list[Contracted]]
+"""Stacks and what their columns meet, to cells: `contract` is one."""
+
+
 class Renderer:
     """Turns a `Frozen` into images and gradients.
 
@@ -56,33 +64,68 @@ class Renderer:
         self.frozen = frozen
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
         self._others = _join_others(frozen)
-        self._known: dict[int, tuple[Float32, Float32]] = {}
+        self._known: dict[int, tuple[FrozenPart, Float32, Float32]] = {}
+        self.switches = {
+            k: Switch(part, model)
+            for k, part in enumerate(frozen.parts)
+            if (model := _two_curves(frozen, part)) is not None
+        }
 
     def image(self, state: State) -> Float32:
         """The picture with the targets' materials from `state`: float32 [h, w, 3], linear RGB.
 
         Materials of other objects are those that were frozen.
         """
-        frozen = self.frozen
-        numbers = _Numbers(frozen, state)
-        squares = self._folded_light(numbers)
+        return self.drawn(state, contract)
+
+    def drawn(self, state: State, contraction: Contraction) -> Float32:
+        """`image`, with the columns of folded parts contracted in another way."""
+        numbers = _Numbers(self.frozen, state)
+        folded: list[FoldedPart] = []
+        weights: list[Float64] = []
+        dense: list[tuple[int, FrozenPart, Float64]] = []
+        for k, item in enumerate(self.frozen.parts):
+            if item.slice is None:
+                continue
+            part, own = self._present(k, item, numbers)
+            if isinstance(part, FoldedPart):
+                folded.append(part)
+                weights.append(own)
+            else:
+                dense.append((k, part, own))
+        squares = self._folded_light(folded, weights, numbers, contraction)
         image = self._over(squares, numbers.powers)
         picture = image.reshape(-1, 3)
-        for k, item in enumerate(frozen.parts):
-            if isinstance(item, FoldedPart) or item.slice is None:
-                continue
-            light = self._part_light(k, item, numbers.weights(item))
-            factor = numbers.outgoing(item)
-            picture[item.pixel] += light.T if factor is None else light.T * _narrow(factor)
+        for k, part, own in dense:
+            light = self._part_light(k, part, numbers.weights(own))
+            factor = numbers.outgoing(part)
+            picture[part.pixel] += light.T if factor is None else light.T * _narrow(factor)
         return image
 
-    def _folded_light(self, numbers: _Numbers) -> Float32 | None:
+    def _present(
+        self, key: int, part: FrozenPart | FoldedPart, numbers: _Numbers
+    ) -> tuple[FrozenPart | FoldedPart, Float64]:
+        """A target's part as it is read now, and what its columns meet: float64 [c, 3]."""
+        switch = self.switches.get(key)
+        if switch is None:
+            return part, numbers.own(part)
+        assert part.slice is not None
+        sides = self.frozen.basis.sides(part.object, numbers.state, part.slice)
+        assert sides is not None
+        return switch.under(sides)
+
+    def _folded_light(
+        self,
+        folded: list[FoldedPart],
+        weights: list[Float64],
+        numbers: _Numbers,
+        contraction: Contraction,
+    ) -> Float32 | None:
         """What folded parts add, in squares (see `blank`); None where there are none."""
-        folded = [part for part in self.frozen.parts if isinstance(part, FoldedPart)]
         if not folded:
             return None
         picture = blank(self.frozen.width, self.frozen.height, 3)
-        cells = contract([part.stack for part in folded], [numbers.own(part) for part in folded])
+        cells = contraction([part.stack for part in folded], weights)
         latents = parallel_map(
             lambda part, found: _latent(part, found, numbers.powers), folded, cells
         )
@@ -123,9 +166,9 @@ class Renderer:
         """
         narrow = weights.astype(np.float32)
         known = self._known.get(key)
-        if known is None or not np.array_equal(known[0], narrow):
-            known = self._known[key] = narrow, _light(part, narrow)
-        return known[1]
+        if known is None or known[0] is not part or not np.array_equal(known[1], narrow):
+            known = self._known[key] = part, narrow, _light(part, narrow)
+        return known[2]
 
     def gradient(self, state: State, image_gradient: Float32) -> Gradient:
         """Back from dL/dimage [h, w, 3] to the numbers that an edit changes.
@@ -172,7 +215,7 @@ class Renderer:
             columns[key][span] += np.einsum("hcn,nh->ch", back, numbers.powers)
             powers += np.einsum("hcn,ch->nh", back, coefficients[span])
             if factor is not None:
-                weights = numbers.weights(part).astype(np.float32)
+                weights = numbers.weights(coefficients[span]).astype(np.float32)
                 light = _light(part, weights)
                 outgoing[(*key, part.slice.start)] = (upstream * light).T.astype(np.float64)
         albedos, coarse = _through_powers(frozen, state, powers)
@@ -220,11 +263,9 @@ class _Numbers:
         coefficients = self.columns(part.object, part.indirect)
         return coefficients[part.slice.start : part.slice.stop]
 
-    def weights(self, part: FrozenPart) -> Float64:
-        """What F's last axis meets: float64 [3, columns · powers], or [3, powers]."""
-        if part.slice is None:
-            return self.powers.T
-        return np.asarray(np.einsum("ch,nh->hcn", self.own(part), self.powers).reshape(3, -1))
+    def weights(self, own: Float64) -> Float64:
+        """What F's last axis meets, of coefficients [c, 3]: float64 [3, columns · powers]."""
+        return np.asarray(np.einsum("ch,nh->hcn", own, self.powers).reshape(3, -1))
 
     def outgoing(self, part: FrozenPart | FoldedPart) -> Float64 | None:
         """s(θo) of a part's rows: float64 [r, 3 or 1], or None for 1."""
@@ -256,6 +297,14 @@ def _back(
     tails = (collect(stack, cells, received) * peak[:, None]) @ stack.S
     through = np.einsum("hz,znh->nh", tails.astype(np.float64), part.factors)
     return own, through, stack.expansion.expand(_latent(part, found, numbers.powers))
+
+
+def _two_curves(frozen: Frozen, part: FrozenPart | FoldedPart) -> TwoCurves | None:
+    """The model of a part's layer, where it has two curves and all its bins."""
+    if part.slice is None or part.indirect or part.slice.delta:
+        return None
+    model = frozen.basis.objects[part.object].material.layers[part.slice.layer].model
+    return model if isinstance(model, TwoCurves) else None
 
 
 def _narrow(factor: Float64) -> Float32:

@@ -27,10 +27,12 @@ from burnish.materials.coefficients import (
     coefficients,
     conserved,
     outgoing,
+    sides,
 )
 from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.materials.lights import LightGroup, mix
 from burnish.materials.painting.varied import Mixture
+from burnish.materials.two_curves import TwoCurves
 from burnish.transport.monomials import Monomials
 
 State = Mapping[str, MaterialState]
@@ -191,6 +193,17 @@ class Basis:
             for layer in item.material.layers
         ]
         return np.concatenate(parts)
+
+    def sides(
+        self, index: int, state: State, part: ColumnSlice
+    ) -> tuple[Float64, Float64] | None:
+        """Coefficients of each curve of a slice whose layer has two, A [k, j, 3] and
+        B [k, l, 3]; None for one curve. Those of the columns are their outer products."""
+        item = self.objects[index]
+        layer = item.material.layers[part.layer]
+        if not isinstance(layer.model, TwoCurves) or part.delta:
+            return None
+        return sides(layer, conserved(item.material, state[item.id]).layers[layer.name])
 
     def outgoing_factors(
         self, index: int, state: State, cos_theta_o: Float64

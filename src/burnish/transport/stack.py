@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from burnish.transport.pack import Pack
 
 _LEVELS = 32767
-_CHUNK = 1 << 17
+CHUNK = 1 << 17
 """Numbers of a chunk; widened to float32 they stay in a core's cache."""
+_NARROWEST = 64
+"""Cells of a chunk at least, however many columns there are: shorter sums cost more than memory."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def _core(blocks: Sequence[tuple[Pack, int]], runs: Sequence[Run]) -> tuple[AnyA
     exact = any(pack.core.dtype == np.float32 for pack in packs)
     scale = np.ones((3, columns), np.float32) if exact else _scale(packs)
     count = runs[-1].cells.stop
-    width = min(max(_CHUNK // columns, 1), count)
+    width = min(max(CHUNK // columns, _NARROWEST), count)
     kind = np.float32 if exact else np.int16
     core = np.zeros((3, -(-count // width), columns, width), kind)
     factors = {id(pack): pack.column_scale / scale for pack in packs}
