@@ -87,6 +87,14 @@ class Model(ABC):
     def amplitudes(self, values: Values, fixed: Fixed) -> Float64:
         """a_k: float64 [rank, 3], linear RGB."""
 
+    def amplitude_sizes(self) -> Float64 | None:
+        """How large each a_k is over the parameters' ranges: float64 [rank].
+
+        For models whose quotients are no energies, such as principal components; None for all
+        others. What is stored is made small by what an error of it would be multiplied by.
+        """
+        return None
+
     @abstractmethod
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
         """f(t): float64 [len(t), 3 or 1], at rough settings. All zero when perfectly smooth."""

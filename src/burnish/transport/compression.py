@@ -12,7 +12,9 @@ has coefficients like 1/e_j, with e_j the energy that a constant curve puts into
 
     |Σ_j c_j δT_j| ≤ (Σ_j e_j c_j²)^½ · (Σ_j δT_j² / e_j)^½,
 
-so the truncation is made in the norm with column weights w_j = e_j^-½.
+so the truncation is made in the norm with column weights w_j = e_j^-½. Columns that are
+principal components have no such energies: there w_j is the size that c_j has over the range
+of the parameters.
 
 Monte Carlo noise has no low rank, and in that norm it outweighs the signal up to many
 thousand samples per pixel. Ranks that followed it would store noise, so they stop at a
@@ -77,8 +79,12 @@ def column_scale(basis: Basis, index: int, indirect: bool = False) -> Float32:
         if indirect:
             parts.append(coarse_energies(layer, coarse_count(layer, basis.indirect_bins)))
             continue
-        _, weight, directional = energies(layer)
-        parts.append(np.pi * np.einsum("o,okj->kj", weight, directional).ravel())
+        sizes = layer.model.amplitude_sizes()
+        if sizes is None:
+            _, weight, directional = energies(layer)
+            parts.append(np.pi * np.einsum("o,okj->kj", weight, directional).ravel())
+        else:
+            parts.append(1 / np.maximum(sizes, 1e-6 * sizes.max()) ** 2)
         if layer.delta:
             parts.append(np.array([np.pi]))
     return column_scale_of(np.concatenate(parts))

@@ -107,6 +107,9 @@ class Family(Model):
         colour = np.asarray(values["color"], np.float64) * np.ones(3)
         return np.asarray(a[:, :1] + a[:, 1:] * colour)
 
+    def amplitude_sizes(self) -> Float64:
+        return _sizes(self)
+
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
         return np.ones((len(t), 1))
 
@@ -118,6 +121,15 @@ class Family(Model):
 @lru_cache(maxsize=32)
 def _components(family: Family) -> Components:
     return principal(family.members(), family.error)
+
+
+@lru_cache(maxsize=32)
+def _sizes(family: Family) -> Float64:
+    members = family.members()
+    norms = np.sqrt((members**2 * grid().weight).sum(axis=(1, 2, 3)))
+    used = norms > 1e-12 * norms.max()
+    a = family.components.project(np.moveaxis(members[used], 0, -1)) / norms[used]
+    return np.asarray(np.sqrt((a**2).mean(axis=1)))
 
 
 @dataclass(frozen=True)

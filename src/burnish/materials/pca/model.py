@@ -104,6 +104,9 @@ class ComponentModel(Model):
         c = self.basis.project(self.term(gamma, np.linspace(0.0, 1.0, NODES)))
         return c[:, None] * (np.asarray(values["color"], np.float64) * np.ones(3))
 
+    def amplitude_sizes(self) -> Float64:
+        return self.basis.sizes
+
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
         return np.ones((len(t), 1))
 

@@ -39,6 +39,7 @@ class TermBasis:
     projector: Float64
     errors: Float64
     worst: Float64
+    sizes: Float64
 
     @property
     def tables(self) -> Float64:
@@ -67,7 +68,10 @@ def term_basis(
     found = leading(rest * root, error, most)
     # The same combinations of the members themselves, so that tables reach where weights do not
     components = found.mixing.T @ rest
-    return TermBasis(mean, components, components * weight, found.errors, found.worst)
+    projector = components * weight
+    each = np.concatenate([1 / norms[:, None], rest @ projector.T], axis=1)
+    sizes = np.sqrt((each**2).mean(axis=0))
+    return TermBasis(mean, components, projector, found.errors, found.worst, sizes)
 
 
 @dataclass(frozen=True)
