@@ -20,7 +20,7 @@ from burnish.app import worker as w
 from burnish.core.errors import BurnishError, SceneError
 from burnish.core.types import Crop, Float32, Progress
 from burnish.materials.layer import unpainted
-from burnish.materials.lights import LightGroup, each, without_lights
+from burnish.materials.lights import LightGroup, each, placements, without_lights
 from burnish.transport.basis import Basis, State, initial_state
 from burnish.transport.frozen import Frozen, FrozenPart
 from burnish.transport.lights import base_under
@@ -243,6 +243,7 @@ class LiveStudio:
 
     def select(self, targets: tuple[str, ...], state: State) -> None:
         """Ask for an estimate with these objects symbolic, unless it is the one that runs."""
+        placed = placements(self.opened.lights, state)
         state = without_lights(state)
         initial = initial_state(self.opened.basis.objects)
         edited = tuple(
@@ -253,6 +254,7 @@ class LiveStudio:
             running is not None
             and running.targets == targets
             and running.edited == edited
+            and running.placed == placed
             and all(running.state[name] == state[name] for name in edited)
             and all(running.state[name].replacements == state[name].replacements for name in state)
         ):
@@ -261,7 +263,7 @@ class LiveStudio:
             view.forget()
         if self._failure is not None and not self._failure.lasting:
             self._failure = None
-        self._request = w.Select(next(self._serials), targets, dict(state), edited)
+        self._request = w.Select(next(self._serials), targets, dict(state), edited, placed)
         self._send(self._request)
 
     def wait(self, view: LiveView) -> None:
@@ -342,6 +344,8 @@ class LiveView:
     """A layer can be given another model: the selection is traced anew."""
 
     def __init__(
+    relights = True
+    """A light can be put elsewhere: everything is traced anew."""
         self, studio: LiveStudio, name: str, basis: Basis, width: int, height: int, rows: Rows
     ) -> None:
         self._studio = studio

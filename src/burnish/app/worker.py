@@ -12,7 +12,8 @@ import os
 import signal
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -21,17 +22,21 @@ from typing import Any
 import numpy as np
 
 from burnish.core.errors import BurnishError
-from burnish.core.types import Crop, Float32
+from burnish.core.types import Crop, Float32, Value
 from burnish.materials.layer import Replacement
-from burnish.materials.lights import Light, LightGroup
+from burnish.materials.lights import Light, LightGroup, placements
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
 from burnish.transport.rows import Rows
 
 Models = dict[str, dict[str, Replacement]]
+Placed = dict[str, dict[str, Value]]
+"""Where lights stand that are not as in the scene; see `materials.lights.placements`."""
 
 PUBLISH_SECONDS = 1.0
 ENOUGH_SAMPLES = 1 << 16
+SPECK = 1e-3
+"""Size of a lamp that is to hide nothing."""
 UNSEEN_SHARE = 16
 """How many times fewer samples a view gets while nobody looks at it."""
 
@@ -53,12 +58,14 @@ class Opened:
 
 @dataclass(frozen=True)
 class Select:
-    """Make these objects symbolic. edited: ids that are no longer as the scene has them."""
+    """Make these objects symbolic, under lights that stand as `placed` says. edited: ids that
+    are no longer as the scene has them."""
 
     serial: int
     targets: tuple[str, ...]
     state: State
     edited: tuple[str, ...]
+    placed: Placed
 
 
 @dataclass(frozen=True)
@@ -220,6 +227,7 @@ class _Worker:
         from burnish.precompute.live import first_rows
         from burnish.precompute.plan import basis_for
         from burnish.scene import load
+        from burnish.scene.moving import LightMover
 
         options = dict(options)
         editable, series = options.pop("editable", None), options.pop("series", (64, 1, 1, 1))
@@ -227,6 +235,9 @@ class _Worker:
         self.pipe, self.folder = pipe, folder
         self.scene = load(source, editable, **options)
         self.basis = basis_for(self.scene, None, series, light_groups=light_groups)
+        self.mover = LightMover(self.scene)
+        self.placed: Placed = {}
+        self.asked: object = None
         self.estimates: dict[str, Any] = {}
         self.files: dict[str, tuple[Float32, list[Float32]]] = {}
         self.published: dict[str, _Sent] = {}
@@ -299,15 +310,22 @@ class _Worker:
         from burnish.precompute.live import LiveEstimate
 
         self.serial = message.serial
+        self.published, self.files = {}, self._unmapped()
+        if message.placed != self.placed:
+            # Guides show the lamps where they stood
+            self.denoisers = {}
+        kept = self.estimates if self.asked == _asked(message, self.scene) else {}
         # Let go of the old tensors first: two selections may not fit
-        self.estimates, self.published = {}, {}
-        for _, mapped in self.files.values():
-            mapped.clear()
-        self.files = {}
+        self.estimates = {}
         scene, basis = _remodelled(self.scene, self.basis, message.state)
         self.models = _models(message.state)
-        for view in scene.views:
-            estimate = LiveEstimate(
+        if not kept:
+            # No lamp that moves may hide a row that it uncovers later
+            lamps = _moved_lamps(message.placed, self.scene)
+            specks = {name: {**message.placed[name], "size": SPECK} for name in lamps}
+            self.mover.place(message.placed | specks)
+        for view in () if kept else scene.views:
+            self.estimates[view.name] = LiveEstimate(
                 scene,
                 view,
                 basis,
@@ -316,8 +334,19 @@ class _Worker:
                 message.edited,
                 seed=message.serial,
             )
-            self.estimates[view.name] = estimate
-            self._map(view.name, estimate)
+        self.mover.place(message.placed)
+        self.placed, self.asked = message.placed, _asked(message, self.scene)
+        for view, estimate in kept.items():
+            estimate.restart(message.state, message.serial)
+            self.estimates[view] = estimate
+        for view, estimate in self.estimates.items():
+            self._map(view, estimate)
+
+    def _unmapped(self) -> dict[str, tuple[Float32, list[Float32]]]:
+        """No files, once those of before are let go."""
+        for _, mapped in self.files.values():
+            mapped.clear()
+        return {}
 
     def _map(self, view: str, estimate: Any) -> None:
         """Make the view's file and say what lies where in it."""
@@ -421,10 +450,20 @@ class _Worker:
         def progress(fraction: float, what: str) -> None:
             self.pipe.send(Progressed(message.job, fraction, what))
 
-        image: Float32 = self.truth.render(
-            message.state, message.view, message.spp, message.seed, progress, message.crop
-        )
+        with self._lights_at({}):
+            image: Float32 = self.truth.render(
+                message.state, message.view, message.spp, message.seed, progress, message.crop
+            )
         return image
+
+    @contextmanager
+    def _lights_at(self, placed: Placed) -> Iterator[None]:
+        """Others of our tracers want the lights elsewhere for a while."""
+        self.mover.place(placed)
+        try:
+            yield
+        finally:
+            self.mover.place(self.placed)
 
     def _lit(self, message: LightUp) -> Float32:
         """Both pictures of `LightTracer`: float32 [2, groups, height, width, 3]."""
@@ -437,7 +476,8 @@ class _Worker:
                 scene, scene.view(message.view), basis, message.state, message.groups
             )
             self.lights = asked, tracer
-        image: Float32 = np.stack(self.lights[1].pictures(message.spp, message.seed))
+        with self._lights_at(placements(self.scene.lights, message.state)):
+            image: Float32 = np.stack(self.lights[1].pictures(message.spp, message.seed))
         return image
 
     def _denoised(self, message: Denoise) -> Float32:
@@ -447,6 +487,18 @@ class _Worker:
             self.denoisers[message.view] = Denoiser.of(self.scene, self.scene.view(message.view))
         image: Float32 = self.denoisers[message.view].clean(message.image)
         return image
+
+
+def _asked(message: Select, scene: Any) -> object:
+    """What an estimate has to be made anew for; where the lights stand only begins it again."""
+    edited = {name: message.state[name] for name in message.edited}
+    lamps = _moved_lamps(message.placed, scene)
+    return message.targets, edited, _models(message.state), lamps
+
+
+def _moved_lamps(placed: Placed, scene: Any) -> frozenset[str]:
+    """The lights with a surface, which can hide something, that are not as in the scene."""
+    return frozenset(light.name for light in scene.lights if light.shapes and light.name in placed)
 
 
 def _models(state: State) -> Models:

@@ -204,6 +204,18 @@ def placements(
     return result
 
 
+def standing(state: Mapping[str, MaterialState]) -> dict[str, dict[str, Value]]:
+    """Where the lights of a state stand, by key; alike for states of the same transport.
+
+    One on which nothing is set is left out, and need not stand elsewhere than one that is not.
+    """
+    return {
+        key: {name: value for name, value in light.values.items() if name != EXPOSURE}
+        for key, light in lights_in(state).items()
+        if light.values
+    }
+
+
 def unmixed(
     groups: Iterable[LightGroup], state: Mapping[str, MaterialState]
 ) -> dict[str, MaterialState]:

@@ -86,13 +86,25 @@ class LiveEstimate:
             pass
         self.materials = self._materials(state)
         self.tracer = Tracer(scene, view, self.materials)
-        whole = Rectangle(0, 0, view.width, view.height)
-        self.accumulator = Accumulator(self.tracer, whole, rows)
+        self.accumulator = self._empty(rows)
         self._strata = 0
 
     def _materials(self, state: State) -> SymbolicMaterials:
         every = [item.id for item in self.session_basis.objects]
         return SymbolicMaterials(self.scene, self.basis, self.numeric, state, every)
+
+    def _empty(self, rows: Rows) -> Accumulator:
+        whole = Rectangle(0, 0, self.view.width, self.view.height)
+        return Accumulator(self.tracer, whole, rows)
+
+    def restart(self, state: State, seed: int) -> None:
+        """Begin anew with the same rows, such as after a light has moved."""
+        rows = self.accumulator.rows
+        # Two tensors may not fit
+        del self.accumulator
+        self.seed, self._strata = seed, 0
+        self.accumulator = self._empty(rows)
+        self.follow(state)
 
     def _rows(self, state: State) -> Rows:
         tracer = Tracer(self.scene, self.view, self._materials(state))

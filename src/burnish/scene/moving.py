@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -34,6 +35,11 @@ class LightMover:
         }
         self._own: dict[str, AnyArray] = {}
         self._placed: dict[str, Placement] = {}
+        # The first move, too, is to find its kernels made
+        for shape in (shape for shapes in self._shapes.values() for shape in shapes):
+            if f"{shape}.to_world" in self._parameters:
+                self._transform(shape, self._matrix(shape))
+        self._parameters.update()
 
     def place(self, placed: Mapping[str, Placement]) -> bool:
         """Put the named lights as in `placed`, and the others as the scene has them.
@@ -122,7 +128,10 @@ class LightMover:
     def _transform(self, name: str, matrix: Float64) -> None:
         key = f"{name}.to_world"
         kind = type(self._parameters[key])
-        self._parameters[key] = kind(mi.ScalarTransform4f(matrix).matrix)
+        value = kind(mi.ScalarTransform4f(matrix).matrix)
+        # A number that is known when a kernel is made would make another kernel
+        dr.make_opaque(value)
+        self._parameters[key] = value
 
 
 def _values(light: SceneLight) -> dict[str, Any]:

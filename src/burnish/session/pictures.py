@@ -10,7 +10,7 @@ import numpy as np
 
 from burnish.core.types import Float32, Int32
 from burnish.materials.layer import unpainted
-from burnish.materials.lights import mix
+from burnish.materials.lights import mix, standing
 from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.painted import PaintedRenderer, PaintedRows
@@ -118,6 +118,9 @@ class ViewPictures:
 
     def _holds(self, frozen: _Frozen, targets: tuple[int, ...], state: State) -> bool:
         if frozen.targets != targets or frozen.revision != self.transport.revision:
+            return False
+        relights = getattr(self.transport, "relights", False)
+        if relights and standing(frozen.state) != standing(state):
             return False
         basis = self.transport.basis
         fixed = basis.lights and not len(frozen.frozen.powers.lights)
