@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from burnish.core.errors import BurnishError
+from burnish.core.errors import BurnishError, InvalidValue
 from burnish.core.version import __version__
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ __all__ = [
     "open_bundle",
     "path_trace",
 ]
+
+DIRECT_TRIANGLES = 4000
+"""Triangle lights of a bake of direct light for which no number is given."""
 
 
 def load(
@@ -90,11 +93,13 @@ def bake(
     path: str | Path | None = None,
     *,
     editable: Sequence[str] | None = None,
+    mode: Literal["baked", "direct"] | None = None,
     series: Sequence[int] | None = None,
     bins: Mapping[str, int] | None = None,
     light_groups: Sequence[str] | None = None,
     spp: int | None = None,
     minutes: float | None = None,
+    triangles: int | None = None,
     seed: int = 0,
     resume: bool = False,
     progress: Progress | None = None,
@@ -102,13 +107,15 @@ def bake(
     """Trace a scene once, so that its materials can be edited from then on.
 
     path: where the bundle goes; a temporary one, gone with the process, without it.
-    series: bins per bounce from the eye, (64, 1, 1, 1) without it. bins: other numbers of
-    bins by object id or "object.layer". light_groups: lights to tell apart, so that material
-    edits under a changed mix need no tracing: names, "name=light+light", or ("each",); up to
-    four with the one of all others, and the bundle grows by as many times. spp: samples per
-    pixel, 256 without `minutes`, which spends about that long instead. resume: go on with an
-    interrupted bake of the same path, with its settings. progress: called with the fraction
-    done and what is being done.
+    mode: "direct" for direct light alone, gathered from the environment as `triangles` lights
+    (4,000 without it; 400 for a preview) rather than traced: reference quality, with as many as
+    256 bins. series: bins per bounce from the eye, (64, 1, 1, 1) without it, (256,) in mode
+    "direct". bins: other numbers of bins by object id or "object.layer". light_groups: lights
+    to tell apart, so that material edits under a changed mix need no tracing: names,
+    "name=light+light", or ("each",); up to four with the one of all others, and the bundle
+    grows by as many times. spp: samples per pixel, 256 without `minutes`, which spends about
+    that long instead. resume: go on with an interrupted bake of the same path, with its
+    settings. progress: called with the fraction done and what is being done.
 
     >>> burnish.bake(scene, "out.burnish", series=(128, 8, 1), minutes=20)   # doctest: +SKIP
 
@@ -127,7 +134,14 @@ def bake(
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         path = Path(folder) / f"{scene.name}.burnish"
     chosen = any(option is not None for option in (editable, series, bins, light_groups))
-    basis = basis_for(scene, editable, series or (64, 1, 1, 1), bins, light_groups or ())
+    if mode not in (None, "baked", "direct"):
+        raise InvalidValue(f"mode must be 'baked' or 'direct'; got {mode!r}")
+    if triangles is not None and mode != "direct":
+        raise InvalidValue("triangles are for mode 'direct': give it too, or leave them out")
+    usual = (256,) if mode == "direct" else (64, 1, 1, 1)
+    basis = basis_for(scene, editable, series or usual, bins, light_groups or ())
+    if mode == "direct" and triangles is None and not resume:
+        triangles = DIRECT_TRIANGLES
     return bake(
         scene,
         basis if chosen or not resume else None,
@@ -137,6 +151,7 @@ def bake(
         seed=seed,
         resume=resume,
         progress=progress,
+        triangles=triangles,
     )
 
 
@@ -175,6 +190,11 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
         return session_for(open_bundle(source))
     if isinstance(source, Bundle):
         return session_for(source)
+    if options.get("mode") == "direct":
+        own = ("mode", "triangles", "progress", "series", "light_groups", "spp")
+        asked = {name: options.pop(name) for name in own if name in options}
+        scene = source if not isinstance(source, (str, Path)) else load(source, **options)
+        return session_for(bake(scene, **asked))
     from burnish.app.live import live_session
 
     if isinstance(source, (str, Path)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from burnish.core.types import Float32, Progress
 from burnish.core.version import __version__
 from burnish.materials.lights import Light
 from burnish.precompute.bake import ViewPlan, plan_views, strata, trace_tile
+from burnish.precompute.direct.bake import DirectPlan, gather_tile
 from burnish.precompute.pilot import samples_for
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.renderer import Renderer
@@ -27,6 +29,9 @@ from burnish.transport.basis import Basis, initial_state
 from burnish.transport.compression import DEFAULT_TOLERANCE
 
 DEFAULT_SAMPLES = 256
+DIRECT_TOLERANCE = 0.002
+"""What is gathered has little noise to hide an error in, and is looked at more closely."""
+
 PREVIEW_SIDE = 256
 """Pixels of the longer side of a bundle's preview, at most."""
 
@@ -41,7 +46,8 @@ def bake(
     seed: int = 0,
     resume: bool = False,
     progress: Progress | None = None,
-    tolerance: float = DEFAULT_TOLERANCE,
+    tolerance: float | None = None,
+    triangles: int | None = None,
 ) -> Bundle:
     """Trace every tile of every view into the bundle at `path`, and open it.
 
@@ -49,7 +55,9 @@ def bake(
     spp: samples per pixel, rounded up to whole strata (256 without `minutes`).
     minutes: spend about this long instead; a timed pilot fixes the samples of all tiles.
     resume: go on with the unfinished bake of `path`, whose settings hold; other ones are
-      refused. tolerance: of the compression, relative.
+      refused. tolerance: of the compression, relative; as fits the mode without it.
+    triangles: mode `direct`, with the environment as so many triangle lights; spp is of what is
+      traced all the same.
     An interrupted bake keeps its finished tiles in `partial_path(path)`.
 
     Raises InvalidValue, TooLarge before anything is traced, MissingFile for the folder,
@@ -59,26 +67,37 @@ def bake(
     place = Path(path)
     if spp is not None and minutes is not None:
         raise InvalidValue("give spp or minutes, not both: minutes finds the samples by itself")
+    if triangles is not None and minutes is not None:
+        raise InvalidValue("minutes is not for direct light, whose lights are gathered one by one")
     if not place.absolute().parent.is_dir():
         raise MissingFile(
             f"output folder {str(place.parent)!r} does not exist; make it first: "
             f"mkdir -p {place.parent}"
         )
+    direct: DirectPlan | None = None
     if resume:
         writer = BundleWriter.resume(place)
-        basis = _resumed_basis(writer.header, scene, basis, spp, seed)
+        basis = _resumed_basis(writer.header, scene, basis, spp, seed, triangles)
         plans = plan_views(scene, basis, int(writer.header.provenance["seed"]))
     else:
         if basis is None:
             raise InvalidValue("a new bake needs a basis; `burnish.bake` makes one")
         plans = plan_views(scene, basis, seed)
+        direct = _direct(scene, basis, triangles)
         samples = spp or DEFAULT_SAMPLES
+        if tolerance is None:
+            tolerance = DIRECT_TOLERANCE if direct else DEFAULT_TOLERANCE
         if minutes is not None:
             samples = samples_for(plans, started + 60 * minutes, seed, tolerance)
         header = describe(scene, basis, plans, place, samples, seed, tolerance)
+        if direct:
+            said = {**header.provenance, **direct.described()}
+            header = replace(header, provenance=said)
         writer = BundleWriter.create(place, header)
 
-    _trace(writer, plans, progress)
+    if resume and writer.header.provenance.get("mode") == "direct":
+        direct = _direct(scene, basis, int(writer.header.provenance["triangles"]))
+    _trace(writer, plans, direct, progress)
     writer.close(_preview(partial_path(place), writer.header))
     return open_bundle(place)
 
@@ -125,8 +144,25 @@ def scene_reference(scene: Scene, bundle: Path | None) -> str | None:
     return scene.name if any(example.name == scene.name for example in EXAMPLES) else None
 
 
+def _direct(scene: Scene, basis: Basis, triangles: int | None) -> DirectPlan | None:
+    """The lights of mode `direct`. Raises InvalidValue, SceneError."""
+    if triangles is None:
+        return None
+    if basis.bounces != 1:
+        raise InvalidValue(
+            f"direct light has one bounce, and the series {basis.bounces}: give one number, like "
+            "256"
+        )
+    return DirectPlan.of(scene, basis, triangles)
+
+
 def _resumed_basis(
-    header: BundleHeader, scene: Scene, basis: Basis | None, spp: int | None, seed: int
+    header: BundleHeader,
+    scene: Scene,
+    basis: Basis | None,
+    spp: int | None,
+    seed: int,
+    triangles: int | None,
 ) -> Basis:
     """The basis of the unfinished bake, once it is known to be of this scene and these wishes."""
     begun = header.provenance
@@ -138,6 +174,11 @@ def _resumed_basis(
         raise InvalidValue(
             "the unfinished bake has other editable objects, series or bins; leave those "
             "options out to go on with its own"
+        )
+    if triangles is not None and triangles != begun.get("triangles"):
+        raise InvalidValue(
+            f"the unfinished bake has {begun.get('triangles', 'no')} triangles; leave the mode and "
+            "the triangles out to go on with its own"
         )
     other_samples = spp is not None and sum(strata(spp)) != begun["samples"]
     if other_samples or seed not in (0, begun["seed"]):
@@ -153,7 +194,12 @@ def basis_json(basis: Basis) -> dict[str, Any]:
     return BundleHeader(basis, ()).to_json()
 
 
-def _trace(writer: BundleWriter, plans: Sequence[ViewPlan], progress: Progress | None) -> None:
+def _trace(
+    writer: BundleWriter,
+    plans: Sequence[ViewPlan],
+    direct: DirectPlan | None,
+    progress: Progress | None,
+) -> None:
     """Trace what is missing; progress counts pixels, since all have the same samples."""
     settings = writer.header.provenance
     samples, seed = int(settings["samples"]), int(settings["seed"])
@@ -163,12 +209,20 @@ def _trace(writer: BundleWriter, plans: Sequence[ViewPlan], progress: Progress |
     total = sum(plan.tiles[number].width * plan.tiles[number].height for plan, number in work)
     done = 0
     for position, (plan, number) in enumerate(work):
-        if progress:
-            progress(done / total, f"tile {position + 1} of {len(work)}")
+        area = plan.tiles[number].width * plan.tiles[number].height
+
+        def report(part: float, before: int = done, area: int = area, at: int = position) -> None:
+            if progress:
+                progress((before + part * area) / total, f"tile {at + 1} of {len(work)}")
+
+        report(0.0)
         if number not in finished[plan.name]:
-            tile = trace_tile(plan, number, samples, seed, tolerance)
+            if direct:
+                tile = gather_tile(direct, plan, number, samples, seed, tolerance, report)
+            else:
+                tile = trace_tile(plan, number, samples, seed, tolerance)
             writer.write_tile(plan.name, number, tile)
-        done += plan.tiles[number].width * plan.tiles[number].height
+        done += area
     if progress:
         progress(1.0, "done")
 

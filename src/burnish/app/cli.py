@@ -54,6 +54,22 @@ def cli() -> None:
     """
 
 
+def mode_options(command: Command) -> Command:
+    """The options that say which light there is."""
+    mode = click.option(
+        "--mode",
+        type=click.Choice(["baked", "direct"]),
+        help="direct: direct light alone, at full frequency, from lights cut into triangles.",
+    )
+    triangles = click.option(
+        "--triangles",
+        type=click.IntRange(100, 100_000),
+        metavar="N",
+        help="Of --mode direct: lights that the environment becomes (4000; 400 for a preview).",
+    )
+    return mode(triangles(command))
+
+
 def edit_options(command: Command) -> Command:
     """The options that say which view is shown and which edits are made."""
     view = click.option(
@@ -98,6 +114,7 @@ Examples:
   burnish edit teatray
   burnish edit scene.xml
   burnish edit helmet.glb
+  burnish edit teatray --mode direct --triangles 400
   burnish edit box.burnish
   burnish edit box.burnish --edits look.json --no-browser --port 8000"""
 )
@@ -118,6 +135,7 @@ Examples:
     metavar="A,B,NAME=C+D|each",
     help="Of a SCENE: lights to tell apart in the live estimate, as `bake` does.",
 )
+@mode_options
 def edit(**options: Any) -> None:
     """Open the editor on SCENE or BUNDLE in the browser."""
     from burnish.app import commands
@@ -130,6 +148,7 @@ def edit(**options: Any) -> None:
 Examples:
   burnish bake cornell-box -o box.burnish
   burnish bake scene.xml -o out.burnish --editable teapot,tray --series 128,8,1
+  burnish bake teatray -o direct.burnish --mode direct --triangles 4000
   burnish bake scene.xml -o out.burnish --bins teapot=256,tray=16 --minutes 30
   burnish bake ring -o ring.burnish --light-groups lamp,studio
   burnish bake scene.xml -o out.burnish --resume"""
@@ -174,6 +193,7 @@ Examples:
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Other samples, other noise.")
 @click.option("--resume", is_flag=True, help="Go on with a bake that was interrupted.")
+@mode_options
 def bake(**options: Any) -> None:
     """Trace SCENE once, so that its materials can be edited from then on."""
     from burnish.app import commands
@@ -211,6 +231,11 @@ Examples:
 @click.option(
     "--tonemap", default="srgb", show_default=True, metavar="NAME", help="Of a PNG alone."
 )
+@click.option(
+    "--mode",
+    type=click.Choice(["baked", "direct"]),
+    help="Of a path-traced SCENE; direct: one bounce of light.",
+)
 def render(**options: Any) -> None:
     """Write a picture with edited materials: from a bundle at once, of a scene by path tracing."""
     from burnish.app import commands
@@ -240,6 +265,7 @@ Examples:
 @click.option("--scene", metavar="SCENE", help="Where the bundle's scene is now.")
 @click.option("-o", "--output", metavar="SHEET.png", help="Write ours, truth, FLIP and figures.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@mode_options
 def compare(**options: Any) -> None:
     """Hold an edited picture against Mitsuba's path tracer with the same materials."""
     from burnish.app import commands

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -24,6 +24,8 @@ from burnish.core.errors import InvalidValue
 
 if TYPE_CHECKING:
     from burnish.session import Session
+
+Mode = Literal["baked", "direct"]
 
 FIGURES = {
     "rel_rmse_beyond_noise": "relative RMSE beyond noise",
@@ -46,9 +48,14 @@ def edit(
     port: int,
     no_browser: bool,
     light_groups: str | None,
+    mode: Mode | None = None,
+    triangles: int | None = None,
 ) -> None:
     """`burnish edit`."""
     from burnish.app.server import serve
+
+    if opening.names_bundle(source):
+        _no_mode(mode, triangles)
 
     groups = split_list(light_groups) or None
     if groups and opening.names_bundle(source):
@@ -56,7 +63,18 @@ def edit(
             "--light-groups is for a scene: a bundle has the groups of its bake; leave it out, or "
             f"bake with --light-groups {light_groups}"
         )
-    with burnish.edit(source, light_groups=groups) as session:
+    if mode == "direct":
+        scene = burnish.load(source)
+        with progress_bar("bake") as progress:
+            bundle = burnish.bake(
+                scene, mode=mode, triangles=triangles, light_groups=groups, progress=progress
+            )
+        opened = burnish.edit(bundle)
+    elif triangles is not None:
+        raise InvalidValue("--triangles are for --mode direct; give it too, or leave them out")
+    else:
+        opened = burnish.edit(source, light_groups=groups)
+    with opened as session:
         make_edits(session, edits, ())
         serve(session, host, port, not no_browser, announce=click.echo)
 
@@ -74,6 +92,8 @@ def bake(
     resolution: str | None,
     seed: int,
     resume: bool,
+    mode: Mode | None,
+    triangles: int | None,
 ) -> None:
     """`burnish bake`."""
     from burnish.store.writer import partial_path
@@ -104,6 +124,8 @@ def bake(
                 seed=seed,
                 resume=resume,
                 progress=progress,
+                mode=mode,
+                triangles=triangles,
             )
     except KeyboardInterrupt as interruption:
         if partial_path(output).exists():
@@ -132,12 +154,14 @@ def render(
     seed: int,
     exposure: float,
     tonemap: str,
+    mode: Mode | None,
 ) -> None:
     """`burnish render`."""
     from burnish.runtime.tonemap import ToneMap
 
     place, tone = check_destination(output), ToneMap(tonemap, exposure)
     if opening.names_bundle(source):
+        _no_mode(mode, None)
         session = opening.session_for(opening.open_bundle(source))
         make_edits(session, edits, assignments, looks)
         # With nothing selected every object is contracted at once
@@ -145,7 +169,7 @@ def render(
         image = session.frame(view)
     else:
         scene = burnish.load(source, resolution=parse_resolution(resolution))
-        session = opening.edits_for(scene)
+        session = opening.edits_for(scene, 1 if mode == "direct" else None)
         make_edits(session, edits, assignments, looks)
         with progress_bar("path tracing") as progress:
             image = session.path_trace(view, spp, seed, progress)
@@ -165,6 +189,8 @@ def compare(
     all_bounces: bool,
     output: str | None,
     as_json: bool,
+    mode: Mode | None,
+    triangles: int | None,
 ) -> None:
     """`burnish compare`."""
     from burnish.app.comparison import compare_with_truth
@@ -174,12 +200,15 @@ def compare(
     if place and place.suffix.lower() != ".png":
         raise InvalidValue(f"the sheet is a PNG; got {output!r}")
     if opening.names_bundle(source):
+        _no_mode(mode, triangles)
         bundle = opening.open_bundle(source)
         loaded = opening.scene_of(bundle, scene)
     else:
         loaded = burnish.load(source)
         with progress_bar("bake") as progress:
-            bundle = burnish.bake(loaded, spp=spp, progress=progress)
+            bundle = burnish.bake(
+                loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
+            )
     session = opening.session_for(bundle)
     make_edits(session, edits, assignments, looks)
     tracer = PathTracedTruth(loaded, None if all_bounces else bundle.basis.bounces)
@@ -258,6 +287,14 @@ def examples() -> None:
     width = max(len(example.name) for example in EXAMPLES)
     for example in EXAMPLES:
         click.echo(f"{example.name:{width}}  {example.description}")
+
+
+def _no_mode(mode: Mode | None, triangles: int | None) -> None:
+    if mode or triangles:
+        raise InvalidValue(
+            "--mode and --triangles are for a scene: a bundle has the mode of its bake; leave them "
+            "out"
+        )
 
 
 def make_edits(

@@ -56,8 +56,11 @@ def session_for(bundle: Bundle) -> Session:
     return Session(bundle.views, objects, truth, bundle.header.name, lights, truth)
 
 
-def edits_for(scene: Scene) -> Session:
-    """A session on a scene for its edits alone; its pictures come from the path tracer."""
+def edits_for(scene: Scene, bounces: int | None = None) -> Session:
+    """A session on a scene for its edits alone; its pictures come from the path tracer.
+
+    bounces: scattering events per path, all without a number.
+    """
     from burnish.precompute.plan import basis_for
     from burnish.reference.truth import PathTracedTruth
     from burnish.session import ObjectInfo, Session
@@ -73,7 +76,7 @@ def edits_for(scene: Scene) -> Session:
         for item in scene.objects
     ]
     views = {view.name: UntracedView(basis, view.width, view.height) for view in scene.views}
-    return Session(views, objects, PathTracedTruth(scene), scene.name, each(scene.lights))
+    return Session(views, objects, PathTracedTruth(scene, bounces), scene.name, each(scene.lights))
 
 
 def scene_of(bundle: Bundle, source: str | Path | None = None) -> Scene:

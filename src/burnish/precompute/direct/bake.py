@@ -6,6 +6,7 @@ the delta columns of mirrors come from the path tracer with one bounce, many sam
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from burnish.core.types import Float32, Float64
 from burnish.precompute.accumulate import Accumulator, Layout
 from burnish.precompute.bake import ViewPlan, drop_unused, strata, tile_seed
 from burnish.precompute.direct.gather import ObjectLight
-from burnish.precompute.direct.lights import LightTables, Lights, find_lights
+from burnish.precompute.direct.lights import Lights, LightTables, find_lights
 from burnish.precompute.direct.points import RowPoints, find_points
 from burnish.precompute.tracer import CELL
 from burnish.scene import Scene
@@ -34,24 +35,39 @@ POINTS = 4
 class DirectPlan:
     """What a bake of direct light needs beside the views' plans.
 
-    points: of each row, at which all lights are looked at.
+    triangles: asked for of an environment. points: of each row, at which all lights are looked
+    at.
     """
 
     lights: Lights
     tables: LightTables
-    points: int = POINTS
+    triangles: int
+    points: int
 
     @staticmethod
     def of(scene: Scene, basis: Basis, triangles: int, points: int = POINTS) -> DirectPlan:
         """Find the lights of a scene. Raises InvalidValue, SceneError."""
         lights = find_lights(scene, basis, triangles)
-        return DirectPlan(lights, LightTables(lights), points)
+        return DirectPlan(lights, LightTables(lights), triangles, points)
+
+    def described(self) -> dict[str, Any]:
+        """What a bundle says of its bake."""
+        said: dict[str, Any] = {"mode": "direct", "triangles": self.triangles}
+        said |= {"lights": len(self.lights), "points": self.points}
+        return said | ({"repairs": list(self.lights.repairs)} if self.lights.repairs else {})
 
 
 def gather_tile(
-    direct: DirectPlan, plan: ViewPlan, number: int, spp: int, seed: int, tolerance: float
+    direct: DirectPlan,
+    plan: ViewPlan,
+    number: int,
+    spp: int,
+    seed: int,
+    tolerance: float,
+    report: Callable[[float], None] = lambda part: None,
 ) -> Tile:
-    """Gather one tile and compress it. spp: of what is traced."""
+    """Gather one tile and compress it. spp: of what is traced. report: called with the part done,
+    0 to 1."""
     rectangle, tracer = plan.tiles[number], plan.tracer
     rows = plan.tile_rows(rectangle)
     traced = Accumulator(tracer, rectangle, rows)
@@ -68,7 +84,7 @@ def gather_tile(
     where = find_points(tracer, rectangle, rows, direct.points, points_seed)
     buffer = dr.zeros(mi.Float, max(layout.values, 1) * CELL)
     dr.make_opaque(buffer)
-    _gather(direct, plan, rows, layout, where, buffer, points_seed)
+    _gather(direct, plan, rows, layout, where, buffer, points_seed, report)
     blocks: list[Block] = []
     share = where.share
     share[where.found] /= where.count[:, None, None]
@@ -91,14 +107,18 @@ def _gather(
     where: RowPoints,
     buffer: Any,
     seed: int,
+    report: Callable[[float], None],
 ) -> None:
     """Sum the light at the points of all rows, object by object and point by point."""
     owner = rows.object[where.found]
+    total, done = max(int(where.count.sum()), 1), 0
     for index in np.unique(owner):
         light = ObjectLight(plan.tracer, int(index), direct.tables)
         own = np.nonzero(owner == index)[0]
         for k in range(int(where.count[own].max())):
             here = own[where.count[own] > k]
+            report(done / total)
+            done += len(here)
             ray = where.chosen[here, k]
             light.add(
                 buffer,
@@ -138,5 +158,3 @@ def _finish(
         else:
             scale = share[:, part.layer, None, None, :].astype(np.float32)
             T[:, part.start : part.stop, :, :3] *= scale
-
-

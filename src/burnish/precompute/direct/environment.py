@@ -211,9 +211,7 @@ def _choose(pyramid: list[Float64], count: int) -> list[Int64]:
     ]
 
 
-def _triangles(
-    pyramid: list[Float64], chosen: list[Int64], repairs: tuple[str, ...]
-) -> Triangles:
+def _triangles(pyramid: list[Float64], chosen: list[Int64], repairs: tuple[str, ...]) -> Triangles:
     """Corners and radiances of the chosen pieces."""
     faces = icosahedron()
     count = sum(map(len, chosen))

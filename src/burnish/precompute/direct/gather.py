@@ -58,9 +58,7 @@ class ObjectLight:
         obj, _ = self.tracer.object_of(si, si.is_valid())
         frame = m.orient(si, obj, si.is_valid())
         active = si.is_valid() & (frame.wo.z > 0)
-        shifts = tuple(
-            dr.opaque(mi.Float, (number * step) % 1.0) for step in GOLDEN
-        )
+        shifts = tuple(dr.opaque(mi.Float, (number * step) % 1.0) for step in GOLDEN)
         seeds = dr.arange(mi.UInt32, dr.width(offsets)) + dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         if self.tables.any_triangles:
             self._triangles(target, offsets, si, frame, active, seeds, shifts)
@@ -105,7 +103,8 @@ class ObjectLight:
             lit &= ~local | (facing < 0)
 
             # Split what a coordinate bends, and what is large
-            extents, bent = [], mi.Float(0)
+            extents: list[Extent | None] = []
+            bent = mi.Float(0)
             middles = [
                 frame.to_local(si.to_local(dr.normalize(p[k] + p[(k + 1) % 3])))[0]
                 for k in range(3)
@@ -130,9 +129,7 @@ class ObjectLight:
             way = dr.normalize(place)
             wi, factor = frame.to_local(si.to_local(way))
             final &= wi.z > 0
-            shadow = dr.select(
-                local, si.spawn_ray_to(mi.Point3f(place + si.p)), si.spawn_ray(way)
-            )
+            shadow = dr.select(local, si.spawn_ray_to(mi.Point3f(place + si.p)), si.spawn_ray(way))
             final &= ~scene.ray_test(shadow, final)
             entry = mi.UInt32(A.w) + dr.select(
                 local, 0, dr.gather(mi.UInt32, t.entry, piece, final)
@@ -142,7 +139,9 @@ class ObjectLight:
             group = mi.UInt32(F.w)
             # What is bent in the smallest piece all the same counts where the ray went
             pointed = bent > BEND
-            self._deposit(target, offsets, sums, extents, wi, frame.wo, value, group, final, pointed)
+            self._deposit(
+                target, offsets, sums, extents, wi, frame.wo, value, group, final, pointed
+            )
 
             # On to its first piece, or past all of them
             piece += dr.select(split, 1, mi.UInt32(part.w))
@@ -206,7 +205,7 @@ class ObjectLight:
         target: Any,
         offsets: Any,
         sums: list[list[Any]],
-        extents: list[Any] | None,
+        extents: list[Extent | None] | None,
         wi: Any,
         wo: Any,
         value: Any,
@@ -242,8 +241,8 @@ class ObjectLight:
                 continue
             t = band.coordinate(wi, wo)
             extent = Extent(t, t, t)
-            if extents is not None:
-                wide = extents[s]
+            wide = extents[s] if extents is not None else None
+            if wide is not None:
                 extent = Extent(
                     dr.select(pointed, t, wide.low),
                     dr.select(pointed, t, wide.middle),
@@ -262,7 +261,9 @@ def _add(target: Any, cell: Any, colour: Any, active: Any) -> None:
     """target[cell] += colour; no two lanes share a row."""
     value = mi.Vector4f(colour.x, colour.y, colour.z, 0)
     assert len(value) == CELL
-    dr.scatter_add(target, value, cell, active & dr.any(colour != 0), mode=dr.ReduceMode.NoConflicts)
+    dr.scatter_add(
+        target, value, cell, active & dr.any(colour != 0), mode=dr.ReduceMode.NoConflicts
+    )
 
 
 def _random(number: Any, seeds: Any, shifts: Any) -> tuple[Any, Any]:

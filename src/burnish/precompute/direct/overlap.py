@@ -66,11 +66,10 @@ class Bands:
         self._count = dr.opaque(mi.Float, layer.bins)
         self._spacing = dr.opaque(mi.Float, layer.spacing)
         self._square = layer.spacing == 2.0
+        numbers = {item.name: item.default for item in self.model.fixed_parameters}
         self.fixed = {
-            parameter.name: dr.opaque(
-                mi.Float, float(layer.fixed.get(parameter.name, parameter.default))
-            )
-            for parameter in layer.model.fixed_parameters
+            name: dr.opaque(mi.Float, float(layer.fixed.get(name, default)))  # type: ignore[arg-type]
+            for name, default in numbers.items()
         }
 
     def coordinate(self, wi: Any, wo: Any) -> Any:
@@ -106,9 +105,7 @@ class Bands:
             worst = dr.maximum(worst, off)
         return worst
 
-    def spread(
-        self, extent: Extent, deposit: Callable[[Any, Any, Any], None], active: Any
-    ) -> None:
+    def spread(self, extent: Extent, deposit: Callable[[Any, Any, Any], None], active: Any) -> None:
         """Call deposit(bin, share, active) for every bin that the triangle reaches."""
         first, last = self.bin(extent.low), self.bin(extent.high)
 
@@ -124,5 +121,3 @@ class Bands:
             body,
             label="bins of a triangle",
         )
-
-

@@ -37,9 +37,9 @@ class RowPoints:
 
     found: int32 [n], the rows that any sample met. count: int64 [n], points of each. chosen:
     int64 [n, most points], which camera rays: of origin, direction, float32 [rays, 3]; only the
-    first `count` of each row count. share: float64 [rows, slots, 3], what each layer slot's column is times the
-    mean over the points: the part of the pixel's filter that the object covers, times the mean
-    of the layer's weight map over it; the map's share in the light is taken as its mean.
+    first `count` of each row are meant. share: float64 [rows, slots, 3], what the mean over the
+    points is multiplied by for each layer slot: the part of the pixel's filter that the object
+    covers, times the mean of the layer's weight map over it.
     """
 
     found: Int32

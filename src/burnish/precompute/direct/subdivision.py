@@ -56,8 +56,7 @@ class Pieces:
                     )
                 ]
                 stack += reversed(own)
-        x, y, sign, depth, number = (np.array(column) for column in zip(*found, strict=True))
-        return Pieces(x, y, sign, depth, number)
+        return Pieces(*(np.array(column) for column in zip(*found, strict=True)))
 
     def __len__(self) -> int:
         return len(self.x)
