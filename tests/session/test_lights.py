@@ -7,17 +7,20 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from burnish.core.errors import InvalidValue, MissingRayTracer, SceneError, UnknownName
 from burnish.core.types import Float32
-from burnish.materials.lights import LightGroup, lights_in, mix
+from burnish.materials.lights import LightGroup, lights_in, mix, placements
+from burnish.materials.placement import parameters_of
 from burnish.session import Session, lightmix
 from burnish.session.fitting import fit
 from burnish.session.lightmix import ratio
 from burnish.transport.basis import State
+from burnish.transport.frozen import Frozen, Transport
 from tests.runtime.worlds import basis_of, plain_image, random_world
 
 LIGHTS = (LightGroup("lamp", ("lamp",)), LightGroup("sky", ("sky",)))
@@ -277,3 +280,117 @@ def test_a_tracer_that_comes_back_is_asked_again(monkeypatch: pytest.MonkeyPatch
         session.ready()
         time.sleep(0.01)
     session.frame()
+
+
+TORCH = LightGroup(
+    "lamp",
+    ("lamp",),
+    parameters_of("spot", {"position": (0, 3, 0), "direction": (0, -1, 0), "cutoff_angle": 30.0}),
+)
+DOME = LightGroup("sky", ("sky",), parameters_of("envmap", {}))
+
+
+@dataclass(frozen=True)
+class Anywhere:
+    """A transport that shows lights wherever they stand; it counts how often it was asked."""
+
+    inner: Transport
+    relights: bool = True
+    asked: list[State] = field(default_factory=list)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+    def freeze(self, targets: tuple[int, ...], state: State, *others: Any) -> Frozen:
+        self.asked.append(state)
+        return self.inner.freeze(targets, state, *others)
+
+
+def movable() -> tuple[Session, Anywhere]:
+    stored = Session({"front": SOURCE}).views["front"]
+    transport = Anywhere(stored)
+    session = Session(
+        {"front": cast(Transport, transport)}, lights=(TORCH, DOME), light_pictures=Shares()
+    )
+    return session, transport
+
+
+def test_lights_are_moved_undone_and_saved(tmp_path: Path) -> None:
+    session, transport = movable()
+    assert session.lights_fixed == ""
+    session.frame()
+    session.frame()
+    assert len(transport.asked) == 1
+    session.set("light:lamp.position", (1, 2, 3))
+    session.set("light:lamp.direction", (0.0, 3.0, 4.0))
+    session.set("light:sky.rotation", 90)
+    assert session.get("light:lamp.position") == (1.0, 2.0, 3.0)
+    assert session.get("light:lamp.direction") == (0.0, 0.6, 0.8)
+    assert session.get("light:lamp.cutoff_angle") == 30.0
+    assert session.history[0][0] == "Set light:lamp.position to (1, 2, 3)"
+    session.frame()
+    assert len(transport.asked) == 2
+    assert placements([], transport.asked[1]).keys() == {"lamp", "sky"}
+    kept = session.state
+    session.save(tmp_path / "look.json")
+    said = json.loads((tmp_path / "look.json").read_text())
+    assert said["version"] == 3
+    assert said["lights"] == {
+        "lamp": {"position": [1.0, 2.0, 3.0], "direction": [0.0, 0.6, 0.8]},
+        "sky": {"rotation": 90.0},
+    }
+    session.reset("light:lamp.position")
+    session.reset("light:lamp.direction")
+    assert session.get("light:lamp.position") == (0.0, 3.0, 0.0)
+    assert lights_in(session.state).keys() == {"light:sky"}
+    session.undo()
+    session.undo()
+    assert session.state == kept
+    session.reset()
+    session.load(tmp_path / "look.json")
+    assert session.state == kept
+    with pytest.raises(UnknownName, match=r"nearest: 'light:lamp\.position'"):
+        session.set("light:lamp.postion", (0, 0, 0))
+    with pytest.raises(UnknownName):
+        session.set("light:sky.position", (0, 0, 0))
+
+
+def test_shares_are_traced_anew_where_lights_stand_elsewhere() -> None:
+    session, _ = movable()
+    assert isinstance(session.light_mix.tracer, Shares)
+    asked = session.light_mix.tracer.asked
+    session.set("light:lamp.intensity", 2.0)
+    session.frame()
+    session.set("light:sky.exposure", 1.0)
+    session.frame()
+    assert len(asked) == 1
+    assert not lights_in(asked[0])
+    session.set("light:lamp.position", (1, 2, 3))
+    session.frame()
+    session.set("light:lamp.intensity", 1.0)
+    session.frame()
+    assert len(asked) == 2
+    # What each adds is asked for as the scene's own, at its new place
+    assert lights_in(asked[1]) == {
+        "light:lamp": TORCH.initial.set("position", (1, 2, 3), TORCH.key)
+    }
+
+
+def test_a_bake_holds_the_light_of_where_the_lights_stood() -> None:
+    session = Session({"front": SOURCE}, lights=(TORCH, DOME), light_pictures=Shares())
+    before = session.frame()
+    for path, value in (("light:lamp.position", (1, 2, 3)), ("light:sky.rotation", 90.0)):
+        with pytest.raises(InvalidValue, match=rf"{path} cannot change here: a bake.*open the"):
+            session.set(path, value)
+    moved = {TORCH.key: TORCH.initial.set("cutoff_angle", 10.0, TORCH.key)}
+    with pytest.raises(InvalidValue, match=r"light:lamp\.cutoff_angle cannot change here"):
+        session.restore({**session.state, **moved})
+    data = {"format": "burnish-edits", "version": 3, "lights": {"sky": {"rotation": 5.0}}}
+    with pytest.raises(InvalidValue, match=r"light:sky\.rotation cannot change here"):
+        session.load_text(json.dumps(data))
+    assert not lights_in(session.state)
+    # What the scene has, and what only scales
+    session.set("light:lamp.position", TORCH.initial.get("position"))
+    session.set("light:sky.exposure", 1.0)
+    session.set("light:lamp.intensity", 2.0)
+    np.testing.assert_allclose(session.frame(), 2 * before, rtol=1e-5)
