@@ -10,6 +10,7 @@ per row. All quotients keep their own columns, since their amplitudes are the fi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -94,31 +95,42 @@ def _contracted_stack(
     together = min(max(CHUNK // left // width, 1), chunks)
     core = np.zeros((3, -(-chunks // together), left, together * width), np.float32)
     scale = stack.scale.reshape(3, *shape)
-    weights = np.expand_dims(dormant.transpose(2, 0, 1), 2 + live) * scale
+    spread = np.expand_dims(dormant.transpose(2, 0, 1), 2 + live)
+    weights = (spread * scale).astype(np.float32)
     # Dormant bins that no cell can show are not read
-    axis = 3 if live == 0 else 2
-    spans = [_lit(weights[h], axis - 1) for h in range(3)]
+    dark = 2 if live == 0 else 1
+    spans = [_lit(weights[h], dark) for h in range(3)]
+    block = max(CHUNK // (bins2 * width), 1)
 
     def work(h: int, start: int) -> None:
-        span = spans[h]
-        where = (slice(None), slice(None), span) if live == 0 else (slice(None), span)
-        own = weights[h][where].astype(np.float32)
-        buffer = np.empty((*own.shape, width), np.float32)
-        for chunk in range(start, min(start + step, chunks)):
-            cells = stack.core[h, chunk].reshape(*shape, width)[where]
-            np.multiply(cells, own[..., None], out=buffer, casting="unsafe")
+        js = range(bins) if live == 0 else range(bins)[spans[h]]
+        ls = spans[h] if live == 0 else slice(0, bins2)
+        buffer = np.empty((block, len(range(bins2)[ls]), width), np.float32)
+        for chunk, k in product(range(start, min(start + step, chunks)), range(rank)):
             into, place = divmod(chunk, together)
-            found = buffer.sum(axis=2 if live == 0 else 1)
-            core[h, into, :, place * width : (place + 1) * width] = found.reshape(left, width)
+            cells = stack.core[h, chunk].reshape(*shape, width)[k]
+            found = core[h, into, :, place * width : (place + 1) * width].reshape(rank, -1, width)[
+                k
+            ]
+            for at in range(0, len(js), block):
+                own = js[at : at + block]
+                some = slice(own.start, own.stop), ls
+                # Widened in cache, piece by piece
+                piece = buffer[: len(own)]
+                np.copyto(piece, cells[some], casting="unsafe")
+                meet = weights[h, k][some]
+                if live == 0:
+                    found[some[0]] = np.matmul(meet[:, None], piece)[:, 0]
+                else:
+                    found += np.matmul(meet.T[:, None], piece.transpose(1, 0, 2))[:, 0]
 
     step = max(chunks // (4 * core_count()), 1)
-    parallel_map(
-        work, *zip(*((h, s) for h in range(3) for s in range(0, chunks, step)), strict=True)
-    )
+    starts = range(0, chunks, step)
+    parallel_map(work, *zip(*product(range(3), starts), strict=True))
     return replace(stack, core=core, scale=np.ones((3, left), np.float32), kept={})
 
 
-def _lit(weights: Float64, axis: int) -> slice:
+def _lit(weights: Float32, axis: int) -> slice:
     """The dormant bins that are read: weights [k, j, l], along an axis of them."""
     others = tuple(n for n in range(3) if n != axis)
-    return lit_columns(np.abs(weights).max(axis=others))
+    return lit_columns(np.abs(weights.astype(np.float64)).max(axis=others))
