@@ -12,6 +12,7 @@ import pytest
 from burnish.compare import ztest
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.materials.curve import Curve
+from burnish.materials.lights import each
 from burnish.reference import Estimate, PathTracedTruth, layered_class, series_image
 from burnish.reference.truth import edited_bsdf
 from burnish.scene import Scene, load
@@ -161,3 +162,38 @@ def test_unknown_names_and_fixed_objects_are_refused() -> None:
         PathTracedTruth(scene).estimate({"bal1": state}, spp=2)
     with pytest.raises(InvalidValue, match="lamp"):
         PathTracedTruth(scene).estimate({"lamp": state}, spp=2)
+
+
+def test_tinted_daylight_is_the_sum_of_its_channels() -> None:
+    """Mitsuba has no tint for it; light adds up, so the tinted picture is known from others."""
+    scene = load(
+        {
+            "type": "scene",
+            "ball": {"type": "sphere", "bsdf": PLUGINS["roughplastic"]},
+            "floor": plane(z=-1.0, size=6.0, bsdf={"type": "diffuse", "reflectance": RED}),
+            "lamp": plane(z=3.5, size=1.2, down=True, emitter={"type": "area", "radiance": 4.0}),
+            "day": {"type": "sunsky", "sun_direction": [-0.4, -0.6, 0.6], "sun_scale": 0.01},
+            "view": camera((0, -6, 1), (0, 0, 0)),
+        },
+        resolution=(24, 24),
+    )
+    lamp, day = each(scene.lights)
+    tint = (0.2, 1.0, 0.5)
+    truth = PathTracedTruth(scene, bounces=2)
+    tinted = {day.key: replace(day.initial, tint=tint, intensity=1.5)}
+    parts = [
+        truth.estimate({day.key: replace(day.initial, on=False)}, spp=256, seed=1),
+        truth.estimate({lamp.key: replace(lamp.initial, on=False)}, spp=256, seed=2),
+    ]
+    factors = np.array([(1.0, 1.0, 1.0), tint]) * [[1.0], [1.5]]
+    expected = sum(f * part.reflected for f, part in zip(factors, parts, strict=True))
+    variance = sum(f**2 * part.variance for f, part in zip(factors, parts, strict=True))
+    found = truth.estimate(tinted, spp=256, seed=3)
+    result = ztest(found.reflected, found.variance, expected, variance)
+    assert result.passed, str(result)
+    with pytest.raises(InvalidValue, match="no one Mitsuba scene holds tinted daylight"):
+        truth.mi_scene(tinted)
+    plain = truth.estimate({day.key: replace(day.initial, intensity=1.5)}, spp=256, seed=3)
+    # Through the same points of every pixel
+    np.testing.assert_allclose(found.emission, plain.emission * tint, rtol=1e-4, atol=1e-6)
+    assert not ztest(found.reflected, found.variance, plain.reflected, plain.variance).passed

@@ -16,6 +16,7 @@ from burnish.reference.bsdf import layered_bsdf, wrapped
 from burnish.reference.film import Estimate, trace
 from burnish.reference.painted import painted_bsdf
 from burnish.scene import Scene, SceneObject
+from burnish.scene.lights import by_channel
 
 State = Mapping[str, MaterialState]
 """Object id to the state of its material, and lights by their keys (`materials.lights`); what
@@ -32,6 +33,8 @@ class PathTracedTruth:
     parameters where one can hold them, and `LayeredBSDF` with burnish's materials where none
     can.
 
+    A light that Mitsuba cannot tint, its daylight, is rendered in grey for each channel.
+
     bounces: scattering events per path, 1 or more; None for no limit (Russian roulette).
     """
 
@@ -46,7 +49,7 @@ class PathTracedTruth:
             settings |= {"max_depth": bounces + 1, "rr_depth": bounces + 2}
         self._integrator = mi.load_dict(settings)
         self._state: _Known = {}, {}, {}
-        self._scene: Any = scene.mi_scene
+        self._scenes: tuple[Any, ...] = (scene.mi_scene,)
 
     def render(
         self,
@@ -74,16 +77,33 @@ class PathTracedTruth:
         view: the scene's first when None. spp: at least 2. crop: only these pixels. Raises
         UnknownName, InvalidValue.
         """
-        scene = self.mi_scene(state)
+        scenes = self.scenes(state)
 
         def radiance(sampler: Any, ray: Any) -> tuple[Any, Any]:
-            light, _, _ = self._integrator.sample(scene, sampler, ray)
-            return mi.Color3f(light), directly_seen(scene, ray)
+            light, seen = mi.Color3f(0), mi.Color3f(0)
+            for first, scene in enumerate(scenes):
+                sampled, _, _ = self._integrator.sample(scene, sampler, ray)
+                found = mi.Color3f(sampled), directly_seen(scene, ray)
+                # The first scene is of all channels, where it is the only one
+                for channel in range(first, 3):
+                    light[channel], seen[channel] = found[0][channel], found[1][channel]
+            return light, seen
 
         return trace(radiance, self.scene.view(view), spp, seed, progress, crop)
 
     def mi_scene(self, state: State) -> Any:
-        """The mi.Scene with the materials and lights of a state; built again when they change."""
+        """The one mi.Scene of a state. Raises InvalidValue where there is one for each channel."""
+        scenes = self.scenes(state)
+        if len(scenes) > 1:
+            raise InvalidValue(
+                "no one Mitsuba scene holds tinted daylight; reset the tint, or render each "
+                "channel by itself"
+            )
+        return scenes[0]
+
+    def scenes(self, state: State) -> tuple[Any, ...]:
+        """The mi.Scene with the materials and lights of a state, or one for each channel where
+        a light needs it (`scene.lights.by_channel`); built again when the state changes."""
         edited = {
             item.id: item.material.initial
             for item in self.scene.objects
@@ -101,12 +121,15 @@ class PathTracedTruth:
                 object_id: self._bsdf(self.scene.object(object_id), item)
                 for object_id, item in edited.items()
             }
-            changed = bsdfs or mixed or placed
-            self._scene = (
-                self.scene.with_bsdfs(bsdfs, mixed, placed) if changed else self.scene.mi_scene
-            )
+            if bsdfs or mixed or placed:
+                self._scenes = tuple(
+                    self.scene.with_bsdfs(bsdfs, shares, placed)
+                    for shares in by_channel(self.scene.lights, mixed)
+                )
+            else:
+                self._scenes = (self.scene.mi_scene,)
             self._state = edited, mixed, placed
-        return self._scene
+        return self._scenes
 
     def _bsdf(self, item: SceneObject, state: MaterialState) -> Any:
         """The mi.BSDF of an object, its paint in textures. Raises InvalidValue."""
@@ -117,6 +140,14 @@ class PathTracedTruth:
 
 
 def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
+def _held(item: SceneObject, state: MaterialState) -> bool:
+    """Whether an object's weight maps and a plugin of Mitsuba's, or ours, hold its pictures."""
+    assert item.material is not None
+    if not item.material.varies(state):
+        return True
+    return not state.replacements and item.described(state) is not None
+
+
     """The mi.BSDF of an object in a state. Raises InvalidValue for a fixed object."""
     if item.material is None:
         raise InvalidValue(f"object {item.id!r} cannot be edited: {item.reason}; leave it out")

@@ -45,6 +45,9 @@ _SCALES = {
 }
 """Numbers that scale an emitter whose light is not one property."""
 
+_UNTINTED = ("sunsky", "timed_sunsky")
+"""Plugins that nothing tints."""
+
 _BACKGROUNDS = ("constant", "envmap", "sunsky", "timed_sunsky")
 
 
@@ -127,6 +130,24 @@ def find_lights(
     table = np.zeros(max(numbers, default=0) + 1, np.uint32)
     table[list(numbers)] = list(numbers.values())
     return tuple(lights), table
+
+
+def by_channel(
+    lights: Sequence[SceneLight], factors: Mapping[str, RGB]
+) -> tuple[dict[str, RGB], ...]:
+    """The factors for one picture of all channels, or for one of each: where a light that
+    Mitsuba cannot tint has another colour, a picture of it in grey is right in one channel."""
+    tinted = {
+        light.name
+        for light in lights
+        if light.kind in _UNTINTED and len(set(factors.get(light.name, (1.0, 1.0, 1.0)))) > 1
+    }
+    if not tinted:
+        return (dict(factors),)
+    return tuple(
+        {name: (f[channel],) * 3 if name in tinted else f for name, f in factors.items()}
+        for channel in range(3)
+    )
 
 
 def changed(
