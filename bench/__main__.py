@@ -22,6 +22,7 @@ BENCHES = {
     "bundle-size": "bench.bundle_size",
     "equal-error": "bench.equal_error",
     "runtime": "bench.runtime",
+    "incremental": "bench.incremental",
     "live": "bench.live",
     "live-drag": "bench.live_drag",
     "editor": "bench.editor",

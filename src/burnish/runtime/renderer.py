@@ -84,10 +84,7 @@ class Renderer:
         folded: list[FoldedPart] = []
         weights: list[Float64] = []
         dense: list[tuple[int, FrozenPart, Float64]] = []
-        for k, item in enumerate(self.frozen.parts):
-            if item.slice is None:
-                continue
-            part, own = self._present(k, item, numbers)
+        for k, (part, own) in self._present(numbers).items():
             if isinstance(part, FoldedPart):
                 folded.append(part)
                 weights.append(own)
@@ -102,17 +99,24 @@ class Renderer:
             picture[part.pixel] += light.T if factor is None else light.T * _narrow(factor)
         return image
 
-    def _present(
-        self, key: int, part: FrozenPart | FoldedPart, numbers: _Numbers
-    ) -> tuple[FrozenPart | FoldedPart, Float64]:
-        """A target's part as it is read now, and what its columns meet: float64 [c, 3]."""
-        switch = self.switches.get(key)
-        if switch is None:
-            return part, numbers.own(part)
-        assert part.slice is not None
-        sides = self.frozen.basis.sides(part.object, numbers.state, part.slice)
-        assert sides is not None
-        return switch.under(sides)
+    def present(self, state: State) -> list[tuple[FrozenPart | FoldedPart, Float64]]:
+        """The targets' parts as frames of a state read them, and what their columns meet:
+        float64 [c, 3]."""
+        return list(self._present(_Numbers(self.frozen, state)).values())
+
+    def _present(self, numbers: _Numbers) -> dict[int, tuple[FrozenPart | FoldedPart, Float64]]:
+        result: dict[int, tuple[FrozenPart | FoldedPart, Float64]] = {}
+        for k, part in enumerate(self.frozen.parts):
+            if part.slice is None:
+                continue
+            switch = self.switches.get(k)
+            if switch is None:
+                result[k] = part, numbers.own(part)
+                continue
+            sides = self.frozen.basis.sides(part.object, numbers.state, part.slice)
+            assert sides is not None
+            result[k] = switch.under(sides)
+        return result
 
     def _folded_light(
         self,

@@ -27,13 +27,13 @@ def contract(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contra
     """Σ_c C[h, cell, c] weights[c, h] of each stack, up to a factor of each channel."""
     wanted, peaks = [], []
     for stack, own in zip(stacks, weights, strict=True):
-        peak = np.abs(own).max(axis=0)
-        unit = np.divide(own, peak, out=np.zeros_like(own, np.float64), where=peak > 0)
+        unit, peak = _units(own)
         peaks.append(peak.astype(np.float32))
-        for h in np.flatnonzero(peak).tolist():
-            known = stack.kept.get(h)
-            if known is None or np.abs(known[0] - unit[:, h]).max() > _SAME:
-                wanted.append((stack, h, unit[:, h]))
+        wanted += [
+            (stack, h, unit[:, h])
+            for h in np.flatnonzero(peak).tolist()
+            if not _holds(stack, h, unit[:, h])
+        ]
     fresh = [np.empty(stack.cells, np.float32) for stack, _, _ in wanted]
     pieces = []
     # Few tasks, since each costs, and enough to share out
@@ -58,6 +58,25 @@ def contract(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contra
         )
         for stack, peak in zip(stacks, peaks, strict=True)
     ]
+
+
+def is_kept(stack: Stack, weights: Float64) -> bool:
+    """Whether `contract` reads no block for weights [columns, 3]."""
+    unit, peak = _units(weights)
+    return all(_holds(stack, h, unit[:, h]) for h in np.flatnonzero(peak).tolist())
+
+
+def _units(weights: Float64) -> tuple[Float64, Float64]:
+    """Relative weights [c, 3], 1 at most, and the factor of each channel: float64 [3]."""
+    peak = np.abs(weights).max(axis=0)
+    unit = np.divide(weights, peak, out=np.zeros_like(weights, np.float64), where=peak > 0)
+    return unit, peak
+
+
+def _holds(stack: Stack, channel: int, unit: Float64) -> bool:
+    """Whether what is kept of a channel is of these relative weights."""
+    known = stack.kept.get(channel)
+    return known is not None and bool(np.abs(known[0] - unit).max() <= _SAME)
 
 
 def lit_columns(light: Float64) -> slice:
