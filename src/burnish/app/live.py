@@ -410,6 +410,7 @@ class LiveView:
                 powers=mapped.powers,
                 parts=[*first, *(_part(part, data) for part in mapped.parts)],
                 revision=self.revision,
+                in_place=True,
             )
 
     # -- from the worker, under the lock ------------------------------------------------------

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any, TypeVar
 
@@ -36,11 +37,17 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(core_count(), thread_name_prefix="burnish")
 
 
+def plain_blas() -> AbstractContextManager[object]:
+    """BLAS with one thread, for products that are too small to share out."""
+    limited: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
+    return limited
+
+
 def parallel_map(function: Callable[..., T], *items: Iterable[Any]) -> list[T]:
     """`list(map(function, *items))` on all cores. Do not nest.
 
     For work that releases the interpreter's lock, as NumPy's does on large arrays. The
     first exception is raised.
     """
-    with _controller().limit(limits=1, user_api="blas"):
+    with plain_blas():
         return list(_pool().map(function, *items))

@@ -2,7 +2,8 @@
 
 B = base + Σ_parts s(θo) · Σ_c Σ_n F[:, c, n] · coefficient_c · power_n (2008, eq. 28).
 A frame reads F, or the blocks of a folded part, once, so memory bandwidth is what it costs.
-What has not changed since the last frame is not read again. Of a layer with two curves the one
+What has not changed since the last frame is not read again, and frames of a drag read much less
+of F than all (`span`). Of a layer with two curves the one
 that is not edited is contracted beforehand (`switching`).
 """
 
@@ -10,13 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from burnish.core.errors import InvalidValue
-from burnish.core.parallel import core_count, parallel_map
-from burnish.core.types import Float32, Float64
+from burnish.core.parallel import core_count, parallel_map, plain_blas
+from burnish.core.types import Float32, Float64, Int32
 from burnish.materials.two_curves import TwoCurves
+from burnish.runtime.span import Span
 from burnish.runtime.switching import Switch
 from burnish.transport.basis import State
 from burnish.transport.contraction import Contracted, back, collect, contract, fold, unfold
@@ -49,6 +52,9 @@ _SMALL = 1 << 16
 """Entries of F below which threads cost more than they save."""
 
 
+Spans = Mapping[tuple[int, ...], Span]
+"""By the parts, as indices into those of a frozen form, that are added up together."""
+
 Contraction = Callable[[Sequence[Stack], Sequence[Float64]], list[Contracted]]
 """Stacks and what their columns meet, to cells: `contract` is one."""
 
@@ -60,16 +66,23 @@ class Renderer:
     >>> picture = renderer.image(state)                    # doctest: +SKIP
     """
 
-    def __init__(self, frozen: Frozen) -> None:
+    def __init__(self, frozen: Frozen, spans: Spans | None = None) -> None:
+        """spans: of a renderer before, where the form's numbers lie in the same memory."""
         self.frozen = frozen
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
         self._others = _join_others(frozen)
-        self._known: dict[int, tuple[FrozenPart, Float32, Float32]] = {}
+        self._before: Spans = spans or {}
+        self._spans: dict[tuple[int, ...], Span] = {}
         self.switches = {
             k: Switch(part, model)
             for k, part in enumerate(frozen.parts)
             if (model := _two_curves(frozen, part)) is not None
         }
+
+    @property
+    def spans(self) -> Spans:
+        """What the next renderer may go on with; nothing of a form that will be made anew."""
+        return dict(self._spans) if self.frozen.in_place else {}
 
     def image(self, state: State) -> Float32:
         """The picture with the targets' materials from `state`: float32 [h, w, 3], linear RGB.
@@ -90,14 +103,59 @@ class Renderer:
                 weights.append(own)
             else:
                 dense.append((k, part, own))
-        squares = self._folded_light(folded, weights, numbers, contraction)
-        image = self._over(squares, numbers.powers)
-        picture = image.reshape(-1, 3)
-        for k, part, own in dense:
-            light = self._part_light(k, part, numbers.weights(own))
-            factor = numbers.outgoing(part)
-            picture[part.pixel] += light.T if factor is None else light.T * _narrow(factor)
-        return image
+        with plain_blas():
+            squares = self._folded_light(folded, weights, numbers, contraction)
+            return self._over(self._lit(dense, numbers), squares, numbers.powers)
+
+    def _lit(self, dense: list[tuple[int, FrozenPart, Float64]], numbers: _Numbers) -> Float32:
+        """The base with what dense parts of targets add: float32 [3, pixels]."""
+        if not dense:
+            return self._base
+        planes = self._base.copy()
+        factors = {k: numbers.outgoing(part) for k, part, _ in dense}
+        # What is scaled row by row stands by itself, everything else is added up by pixel
+        plain = [k for k, _, _ in dense if factors[k] is None and k in self._in_order]
+        groups = [[one for one in dense if one[0] in plain]] if plain else []
+        for group in [*groups, *([one] for one in dense if one[0] not in plain)]:
+            light, pixel = self._light_of(group, numbers)
+            factor = factors[group[0][0]]
+            if factor is not None:
+                light = light * _narrow(factor).T
+            if pixel is None:
+                planes += light
+                continue
+            for h in range(3):
+                planes[h, pixel] += light[h]
+        return planes
+
+    @cached_property
+    def _in_order(self) -> frozenset[int]:
+        """The dense parts whose rows are those of rising pixels."""
+        return frozenset(
+            k
+            for k, part in enumerate(self.frozen.parts)
+            if isinstance(part, FrozenPart)
+            and part.expansion is None
+            and bool((np.diff(part.pixel) > 0).all())
+        )
+
+    def _light_of(
+        self, group: list[tuple[int, FrozenPart, Float64]], numbers: _Numbers
+    ) -> tuple[Float32, Int32 | None]:
+        """What parts add up to, outgoing factors left out: float32 [3, n], and its pixels."""
+        keys, parts = tuple(k for k, _, _ in group), [part for _, part, _ in group]
+        weights = np.concatenate([numbers.weights(own) for _, _, own in group], axis=1)
+        if parts[0].expansion is not None:
+            return _light(parts[0], weights.astype(np.float32)), parts[0].pixel
+        span = self._spans.get(keys)
+        if span is None or any(a is not b for a, b in zip(span.parts, parts, strict=True)):
+            span = self._before.get(keys) if span is None else None
+            if span is not None and span.continues(parts):
+                span.renew(parts)
+            else:
+                span = Span(parts, len(self.frozen.base))
+            self._spans[keys] = span
+        return span.light(weights), span.pixel
 
     def present(self, state: State) -> list[tuple[FrozenPart | FoldedPart, Float64]]:
         """The targets' parts as frames of a state read them, and what their columns meet:
@@ -139,10 +197,11 @@ class Renderer:
             part.stack.expansion.add(latent, picture, narrow)
         return picture
 
-    def _over(self, squares: Float32 | None, powers: Float64) -> Float32:
-        """The base and what rows that first meet no target add, under what is in squares."""
+    def _over(self, planes: Float32, squares: Float32 | None, powers: Float64) -> Float32:
+        """Light by channel [3, pixels], what rows that first meet no target add, and what is in
+        squares: float32 [h, w, 3]."""
         width, height = self.frozen.width, self.frozen.height
-        base, others = self._base.reshape(3, height, width), self._others
+        base, others = planes.reshape(3, height, width), self._others
         over = None if squares is None else flattened(squares)[:, :width]
         weights = powers.T.astype(np.float32)
         image = np.empty((height, width, 3), np.float32)
@@ -162,17 +221,6 @@ class Renderer:
 
         parallel_map(work, range(0, height, step))
         return image
-
-    def _part_light(self, key: int, part: FrozenPart, weights: Float64) -> Float32:
-        """What a part adds to its rows: float32 [3, r], outgoing factor left out.
-
-        The last result, where its weights have not changed.
-        """
-        narrow = weights.astype(np.float32)
-        known = self._known.get(key)
-        if known is None or known[0] is not part or not np.array_equal(known[1], narrow):
-            known = self._known[key] = part, narrow, _light(part, narrow)
-        return known[2]
 
     def gradient(self, state: State, image_gradient: Float32) -> Gradient:
         """Back from dL/dimage [h, w, 3] to the numbers that an edit changes.

@@ -14,7 +14,7 @@ from burnish.materials.lights import mix, standing
 from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.painted import PaintedRenderer, PaintedRows
-from burnish.runtime.renderer import Renderer
+from burnish.runtime.renderer import Renderer, Spans
 from burnish.session.surface import Surface
 from burnish.transport.basis import State
 from burnish.transport.frozen import Frozen, Transport
@@ -28,9 +28,17 @@ class _Frozen:
     revision: int
     frozen: Frozen
 
+    spans: Spans
+    """Of the form before, where this one's numbers lie in the same memory."""
+
     @cached_property
     def renderer(self) -> Renderer:
-        return Renderer(self.frozen)
+        return Renderer(self.frozen, self.spans)
+
+    @property
+    def spans_so_far(self) -> Spans:
+        """What the next form's frames may go on with."""
+        return self.renderer.spans if "renderer" in vars(self) else {}
 
 
 class ViewPictures:
@@ -51,10 +59,12 @@ class ViewPictures:
     def _freeze(self, targets: tuple[int, ...], state: State) -> _Frozen:
         """The form frozen for targets (rising indices), made again only where it must be."""
         if self._frozen is None or not self._holds(self._frozen, targets, state):
+            before = self._frozen
+            spans = before.spans_so_far if before and before.targets == targets else {}
             # Let go of the old form first: two of them may not fit
-            self._frozen = self._painted = None
+            self._frozen = self._painted = before = None
             frozen = self.transport.freeze(targets, unpainted(state))
-            self._frozen = _Frozen(targets, state, frozen.revision, frozen)
+            self._frozen = _Frozen(targets, state, frozen.revision, frozen, spans)
         return self._frozen
 
     def renderer(self, targets: tuple[int, ...], state: State) -> Renderer:

@@ -154,7 +154,8 @@ class Frozen:
     """B = base + Σ_parts s(θo) · Σ_c Σ_n F[:, c, n] · coefficient_c · power_n (2008, eq. 28).
 
     base: float32 [pixels, 3]: light with nothing symbolic in it, directly seen emission
-    included. revision grows while the estimate refines. targets: object indices.
+    included. revision grows while the estimate refines. targets: object indices. in_place:
+    newer estimates are written over F, and the next form's lies where this one's does.
     """
 
     basis: Basis
@@ -165,6 +166,7 @@ class Frozen:
     powers: Powers
     parts: list[FrozenPart | FoldedPart] = field(default_factory=list)
     revision: int = 0
+    in_place: bool = False
 
 
 class Transport(Protocol):
