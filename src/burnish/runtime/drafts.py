@@ -10,7 +10,8 @@ saves or compares a picture takes `Renderer.image`.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,7 @@ from burnish.transport.stack import Stack
 
 BUDGET = 30 / 256
 """Of a curve's terms, the share that a frame may add (2006, section 7.3)."""
-FEWEST_BINS = 64
+FEWEST_BINS = 96
 """Below which a plain product costs less than choosing terms."""
 _ADVANTAGE = 1.25
 """How much faster drafts must be to be worth their memory."""
@@ -72,6 +73,7 @@ class Drafts:
         self.choices: dict[int, Choice] = {}
         """By the stack that they are about (its `id`)."""
         self._ready: dict[int, IncrementalStack] = {}
+        self.exact, self.drawn = True, False
         self._known: dict[int, Stack] = {}
         """Every stack that a choice is about, so that no other takes its place."""
 
@@ -100,27 +102,36 @@ class Drafts:
     def image(self, state: State) -> tuple[Float32, bool]:
         """A draft, float32 [h, w, 3], linear RGB, and whether it is the exact frame, up to
         rounding. Asking again comes closer."""
-        exact = True
+        with self.drawing():
+            return self.renderer.image(state), self.exact
 
-        def contraction(stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contracted]:
-            nonlocal exact
-            # What was kept is read for nothing, such as while a colour is dragged
-            plain = [
-                k
-                for k, stack in enumerate(stacks)
-                if id(stack) not in self._ready or is_kept(stack, weights[k])
-            ]
-            found = contract([stacks[k] for k in plain], [weights[k] for k in plain])
-            result = dict(zip(plain, found, strict=True))
-            for k, stack in enumerate(stacks):
-                if k not in result:
-                    drafted = self._ready[id(stack)]
-                    budget = self.choices[id(stack)].budget
-                    result[k], reached = drafted.contracted(weights[k], budget)
-                    exact &= reached
-            return [result[k] for k in range(len(stacks))]
+    @contextmanager
+    def drawing(self) -> Iterator[None]:
+        """The renderer's images are drafts in here; then `exact` says whether they were exact up
+        to rounding, and `drawn` whether anything was drawn incrementally at all."""
+        self.exact, self.drawn = True, False
+        self.renderer.contraction = self._contraction
+        try:
+            yield
+        finally:
+            self.renderer.contraction = contract
 
-        return self.renderer.drawn(state, contraction), exact
+    def _contraction(self, stacks: Sequence[Stack], weights: Sequence[Float64]) -> list[Contracted]:
+        # What was kept is read for nothing, such as while a colour is dragged
+        plain = [
+            k
+            for k, stack in enumerate(stacks)
+            if id(stack) not in self._ready or is_kept(stack, weights[k])
+        ]
+        found = contract([stacks[k] for k in plain], [weights[k] for k in plain])
+        result = dict(zip(plain, found, strict=True))
+        for k, stack in enumerate(stacks):
+            if k not in result:
+                budget = self.choices[id(stack)].budget
+                result[k], reached = self._ready[id(stack)].contracted(weights[k], budget)
+                self.exact &= reached
+                self.drawn = True
+        return [result[k] for k in range(len(stacks))]
 
     def _prepare(self, part: FoldedPart, weights: Float64, force: bool) -> None:
         key = id(part.stack)

@@ -71,6 +71,8 @@ class Renderer:
         self.frozen = frozen
         self._base = np.ascontiguousarray(frozen.base.reshape(-1, 3).T)
         self._others = _join_others(frozen)
+        self.contraction: Contraction = contract
+        """How images contract folded parts."""
         self._before: Spans = spans or {}
         self._spans: dict[tuple[int, ...], Span] = {}
         self.switches = {
@@ -89,10 +91,6 @@ class Renderer:
 
         Materials of other objects are those that were frozen.
         """
-        return self.drawn(state, contract)
-
-    def drawn(self, state: State, contraction: Contraction) -> Float32:
-        """`image`, with the columns of folded parts contracted in another way."""
         numbers = _Numbers(self.frozen, state)
         folded: list[FoldedPart] = []
         weights: list[Float64] = []
@@ -104,7 +102,7 @@ class Renderer:
             else:
                 dense.append((k, part, own))
         with plain_blas():
-            squares = self._folded_light(folded, weights, numbers, contraction)
+            squares = self._folded_light(folded, weights, numbers)
             return self._over(self._lit(dense, numbers), squares, numbers.powers)
 
     def _lit(self, dense: list[tuple[int, FrozenPart, Float64]], numbers: _Numbers) -> Float32:
@@ -181,13 +179,12 @@ class Renderer:
         folded: list[FoldedPart],
         weights: list[Float64],
         numbers: _Numbers,
-        contraction: Contraction,
     ) -> Float32 | None:
         """What folded parts add, in squares (see `blank`); None where there are none."""
         if not folded:
             return None
         picture = blank(self.frozen.width, self.frozen.height, 3)
-        cells = contraction([part.stack for part in folded], weights)
+        cells = self.contraction([part.stack for part in folded], weights)
         latents = parallel_map(
             lambda part, found: _latent(part, found, numbers.powers), folded, cells
         )

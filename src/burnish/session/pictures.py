@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
 import numpy as np
 
+from burnish.core.errors import TooLarge
 from burnish.core.types import Float32, Int32
 from burnish.materials.layer import unpainted
 from burnish.materials.lights import mix, standing
 from burnish.materials.painting.varied import VariedObject
+from burnish.runtime.drafts import Choice, Drafts
 from burnish.runtime.freeze import BakedTransport
 from burnish.runtime.painted import PaintedRenderer, PaintedRows
 from burnish.runtime.renderer import Renderer, Spans
@@ -50,6 +53,7 @@ class ViewPictures:
             cast(Transport, source) if hasattr(source, "freeze") else BakedTransport(source)
         )
         self._frozen: _Frozen | None = None
+        self._drafts: Drafts | None = None
         self._shown: State | None = None
         self._painted: PaintedRenderer | None = None
         self._surfaces: dict[int, Surface] = {}
@@ -99,6 +103,39 @@ class ViewPictures:
                 self._varied[i] = known
             rows[i] = PaintedRows(surface.pixel, known.at(state[item.id]))
         return self._painted.image(state, rows)
+
+    def draft(self, targets: tuple[int, ...], state: State) -> tuple[Float32, bool, bool]:
+        """`image`, or a draft of it where that is faster; whether it is exact up to rounding,
+        and whether it is the image itself."""
+        drafts = self._drafts
+        if drafts is None:
+            return self.image(targets, state), True, True
+        with drafts.drawing():
+            image = self.image(targets, state)
+        return image, drafts.exact, not drafts.drawn
+
+    def prepare_drafts(self, targets: tuple[int, ...], state: State) -> None:
+        """Freeze what is selected, measure whether drafts of it are faster, and begin them from
+        the picture of `state`. Nothing while lights are mixed, for whose mix it is frozen."""
+        if hasattr(self.transport, "ready"):
+            return
+        if self._frozen is not None and len(self._frozen.frozen.powers.lights):
+            return
+        with suppress(TooLarge):
+            frozen = self._freeze(targets, state)
+            if self._drafts is None:
+                self._drafts = Drafts(frozen.renderer)
+            self._drafts.prepare(state)
+
+    @property
+    def drafts_help(self) -> bool:
+        """Whether `draft` is faster than `image` for anything that is frozen."""
+        return self._drafts is not None and self._drafts.useful
+
+    @property
+    def draft_choices(self) -> tuple[Choice, ...]:
+        """What was measured for the form that is frozen."""
+        return () if self._drafts is None else tuple(self._drafts.choices.values())
 
     def surface(self, index: int) -> Surface:
         """What the view shows of an object's surface, with its paint."""

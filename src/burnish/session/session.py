@@ -31,6 +31,7 @@ from burnish.materials.reflectance import asymmetry
 from burnish.materials.replacement import replaced
 from burnish.runtime.renderer import Renderer
 from burnish.session.brushes import Brush, BrushName, brushes
+from burnish.session.drafting import Drafting
 from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
 from burnish.session.lighting import Lighting, shown
@@ -59,7 +60,7 @@ class ObjectInfo:
     layers: tuple[Layer, ...] = ()
 
 
-class Session(Lighting):
+class Session(Lighting, Drafting):
     """Edit the materials of a scene and see it.
 
     transports: one for each view, by name; stored blocks are frozen by `runtime.freeze`.

@@ -171,6 +171,7 @@ class Engine:
     def _rest(self) -> None:
         """What waits for a pause."""
         self._painting.publish()
+        self._out.prepare_drafts()
         self._out.draw_plots()
         self._out.denoise()
         self._out.trace_lights()

@@ -70,6 +70,9 @@ class Publishing:
         self._resting_frames: dict[str, Frame] = {}
         self._meters = {name: NoiseMeter() for name in pages.views}
         self._waiting: set[str] = set()
+        self._drafted: dict[str, bool] = {}
+        """The views whose last picture is a draft, and whether that was exact to rounding."""
+        self._prepared: dict[str, object] = {}
         self._frame_times: deque[float] = deque(maxlen=120)
         self._theta_i = 45.0
         self._state_key: object = None
@@ -222,7 +225,10 @@ class Publishing:
         )
 
     def _due(self, index: int, view: str) -> bool:
-        return self._frame_keys.get(view) != self._frame_key(view) and self._pages.want(index)
+        changed = self._frame_keys.get(view) != self._frame_key(view)
+        # A draft comes closer, and at rest the picture itself takes its place
+        unfinished = view in self._drafted and (self.at_rest or not self._drafted[view])
+        return (changed or unfinished) and self._pages.want(index)
 
     def frames(self) -> None:
         """The changed views that some page is ready to show."""
@@ -238,7 +244,7 @@ class Publishing:
                 self._waiting.add(view)
                 return
             self._frame_keys[view] = key
-            image = self._session.frame(view)
+            image = self._image(view)
             self._measure(view, image)
             self._objects_under_pixels(view)
             frame = self._pages.frame(Kind.PICTURE, view, image)
@@ -257,6 +263,24 @@ class Publishing:
         self._frames[view] = frame
         self._frame_times.append(time.monotonic())
         self._pages.show(frame)
+
+    def _image(self, view: str) -> Float32:
+        """The picture of a view; while something is dragged, a draft where that is faster."""
+        self._drafted.pop(view, None)
+        if self.at_rest or not self._session.drafts_help(view):
+            return self._session.frame(view)
+        draft = self._session.draft(view)
+        if not draft.frame:
+            self._drafted[view] = draft.exact
+        return draft.image
+
+    def prepare_drafts(self) -> None:
+        """Let the views that are looked at measure whether drafts are faster, once a look."""
+        for index, view in enumerate(self._pages.views):
+            key = self._look_key(), self._session.views[view].revision
+            if self._pages.watch(index) and self._prepared.get(view) != key:
+                self._prepared[view] = key
+                self._session.prepare_drafts(view)
 
     def _objects_under_pixels(self, view: str) -> None:
         """The object under each pixel, once per view or when its rows have changed."""
