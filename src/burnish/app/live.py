@@ -342,10 +342,10 @@ class LiveView:
 
     remodels = True
     """A layer can be given another model: the selection is traced anew."""
-
-    def __init__(
     relights = True
     """A light can be put elsewhere: everything is traced anew."""
+
+    def __init__(
         self, studio: LiveStudio, name: str, basis: Basis, width: int, height: int, rows: Rows
     ) -> None:
         self._studio = studio

@@ -140,14 +140,6 @@ class PathTracedTruth:
 
 
 def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:
-def _held(item: SceneObject, state: MaterialState) -> bool:
-    """Whether an object's weight maps and a plugin of Mitsuba's, or ours, hold its pictures."""
-    assert item.material is not None
-    if not item.material.varies(state):
-        return True
-    return not state.replacements and item.described(state) is not None
-
-
     """The mi.BSDF of an object in a state. Raises InvalidValue for a fixed object."""
     if item.material is None:
         raise InvalidValue(f"object {item.id!r} cannot be edited: {item.reason}; leave it out")
