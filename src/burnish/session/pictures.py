@@ -66,7 +66,7 @@ class ViewPictures:
             before = self._frozen
             spans = before.spans_so_far if before and before.targets == targets else {}
             # Let go of the old form first: two of them may not fit
-            self._frozen = self._painted = before = None
+            self._frozen = self._painted = self._drafts = before = None
             frozen = self.transport.freeze(targets, unpainted(state))
             self._frozen = _Frozen(targets, state, frozen.revision, frozen, spans)
         return self._frozen
