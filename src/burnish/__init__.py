@@ -174,6 +174,9 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
     traced by a process of its own, which `session.close()` ends. options: for a scene that
     is named, what `load` takes, `series`, and `light_groups` as for `bake`: the estimate then
     has room for each group, and materials are exact under any mix while they are edited.
+    mode: "relight" traces first how light goes from surface to surface; lights then move,
+    aim and change as materials do, with direct light exact and one glossy bounce before the
+    matte ones (`samples`: gather samples, 16,384 without it; `series`).
 
     >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
     >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP
@@ -195,6 +198,12 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
         asked = {name: options.pop(name) for name in own if name in options}
         scene = source if not isinstance(source, (str, Path)) else load(source, **options)
         return session_for(bake(scene, **asked))
+    if options.get("mode") == "relight":
+        from burnish.app.relight import relight_session
+
+        return relight_session(
+            source, **{name: value for name, value in options.items() if name != "mode"}
+        )
     from burnish.app.live import live_session
 
     if isinstance(source, (str, Path)):

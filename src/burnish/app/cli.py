@@ -58,8 +58,10 @@ def mode_options(command: Command) -> Command:
     """The options that say which light there is."""
     mode = click.option(
         "--mode",
-        type=click.Choice(["baked", "direct"]),
-        help="direct: direct light alone, at full frequency, from lights cut into triangles.",
+        type=click.Choice(["baked", "direct", "relight"]),
+        help="direct: direct light alone, at full frequency, from lights cut into triangles. "
+        "relight (of a SCENE, nothing is stored): lights and materials together, one glossy "
+        "bounce and matte ones after it.",
     )
     triangles = click.option(
         "--triangles",
@@ -115,6 +117,7 @@ Examples:
   burnish edit scene.xml
   burnish edit helmet.glb
   burnish edit teatray --mode direct --triangles 400
+  burnish edit interior --mode relight
   burnish edit box.burnish
   burnish edit box.burnish --edits look.json --no-browser --port 8000"""
 )
@@ -233,8 +236,8 @@ Examples:
 )
 @click.option(
     "--mode",
-    type=click.Choice(["baked", "direct"]),
-    help="Of a path-traced SCENE; direct: one bounce of light.",
+    type=click.Choice(["baked", "direct", "relight"]),
+    help="Of a SCENE; direct: one bounce of light, path-traced; relight: by relighting.",
 )
 def render(**options: Any) -> None:
     """Write a picture with edited materials: from a bundle at once, of a scene by path tracing."""

@@ -25,7 +25,7 @@ from burnish.core.errors import InvalidValue
 if TYPE_CHECKING:
     from burnish.session import Session
 
-Mode = Literal["baked", "direct"]
+Mode = Literal["baked", "direct", "relight"]
 
 FIGURES = {
     "rel_rmse_beyond_noise": "relative RMSE beyond noise",
@@ -72,6 +72,14 @@ def edit(
         opened = burnish.edit(bundle)
     elif triangles is not None:
         raise InvalidValue("--triangles are for --mode direct; give it too, or leave them out")
+    elif mode == "relight":
+        if groups:
+            raise InvalidValue(
+                "--light-groups are not for --mode relight, which tells every light apart; leave "
+                "them out"
+            )
+        with progress_bar("relight") as progress:
+            opened = burnish.edit(source, mode=mode, progress=progress)
     else:
         opened = burnish.edit(source, light_groups=groups)
     with opened as session:
@@ -109,6 +117,10 @@ def bake(
             )
         lengths = lengths or (64, *[1] * (bounces - 1))
     wanted = parse_bins(bins) or None
+    if mode == "relight":
+        raise InvalidValue(
+            f"--mode relight is not stored: burnish edit {scene} --mode relight makes it anew"
+        )
     loaded = burnish.load(scene, resolution=parse_resolution(resolution))
     try:
         with progress_bar("bake") as progress:
@@ -167,6 +179,13 @@ def render(
         # With nothing selected every object is contracted at once
         session.select()
         image = session.frame(view)
+    elif mode == "relight":
+        with progress_bar("relight") as progress:
+            size = parse_resolution(resolution)
+            session = burnish.edit(source, mode=mode, resolution=size, seed=seed, progress=progress)
+        make_edits(session, edits, assignments, looks)
+        session.select()
+        image = session.frame(view)
     else:
         scene = burnish.load(source, resolution=parse_resolution(resolution))
         session = opening.edits_for(scene, 1 if mode == "direct" else None)
@@ -199,19 +218,25 @@ def compare(
     place = check_destination(output) if output else None
     if place and place.suffix.lower() != ".png":
         raise InvalidValue(f"the sheet is a PNG; got {output!r}")
-    if opening.names_bundle(source):
-        _no_mode(mode, triangles)
-        bundle = opening.open_bundle(source)
-        loaded = opening.scene_of(bundle, scene)
-    else:
+    if mode == "relight":
         loaded = burnish.load(source)
-        with progress_bar("bake") as progress:
-            bundle = burnish.bake(
-                loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
-            )
-    session = opening.session_for(bundle)
+        with progress_bar("relight") as progress:
+            session = burnish.edit(loaded, mode=mode, progress=progress)
+    else:
+        if opening.names_bundle(source):
+            _no_mode(mode, triangles)
+            bundle = opening.open_bundle(source)
+            loaded = opening.scene_of(bundle, scene)
+        else:
+            loaded = burnish.load(source)
+            with progress_bar("bake") as progress:
+                bundle = burnish.bake(
+                    loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
+                )
+        session = opening.session_for(bundle)
     make_edits(session, edits, assignments, looks)
-    tracer = PathTracedTruth(loaded, None if all_bounces else bundle.basis.bounces)
+    bounces = next(iter(session.views.values())).basis.bounces
+    tracer = PathTracedTruth(loaded, None if all_bounces else bounces)
     with progress_bar("path tracing") as progress:
         found = compare_with_truth(
             session, tracer, view=view, spp=spp, seed=seed, progress=progress

@@ -49,9 +49,26 @@ class LightPictures(Protocol):
 
 
 class DirectLight(Protocol):
-    """Direct light of a changed lighting at the rows of a view."""
+    """Direct light of changed lights, traced anew; what was asked last is kept.
 
-    def evaluate(self, view: str, state: State) -> Float32: ...
+    samples: at least so many, per pixel or per point; more are added to those that are there.
+    """
+
+    def irradiance(self, state: State, samples: int) -> Float32:
+        """At the points of all gather samples: float32 [g, p, 3], linear RGB."""
+        ...
+
+    def picture(
+        self, view: str, state: State, without: tuple[int, ...], samples: int
+    ) -> tuple[Float32, Float32]:
+        """Direct light with all materials of a state, that on some objects (indices into
+        `Basis.objects`) left out, and directly seen emission: float32 [height, width, 3] each."""
+        ...
+
+    def columns(self, view: str, index: int, state: State, samples: int) -> Float32:
+        """Direct light on the rows of one object by column, coefficients left out: float32
+        [rows, columns, 3]."""
+        ...
 
 
 class Truth(Protocol):

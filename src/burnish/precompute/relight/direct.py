@@ -7,7 +7,7 @@ combined; on cells, an irradiance by light samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -86,13 +86,22 @@ class CellLights:
 
 
 class DirectView:
-    """Direct light on one view, for materials that are settled."""
+    """Direct light on one view, for materials that are settled.
 
-    def __init__(self, paths: Paths, view: View, factors: LightFactors) -> None:
+    without: the scene's objects that are left black.
+    """
+
+    def __init__(
+        self, paths: Paths, view: View, factors: LightFactors, without: Sequence[int] = ()
+    ) -> None:
         self.paths, self.view, self.camera, self.factors = paths, view, Camera(view), factors
+        lit = np.ones(len(paths.scene.objects), np.float32)
+        lit[list(without)] = 0.0
+        self._lit = mi.Float(lit)
+        dr.make_opaque(self._lit)
 
     def picture(self, spp: int, seed: int) -> tuple[Float32, Float32]:
-        """All of it and of that the directly seen emission: float32 [height, width, 3].
+        """What is reflected, and directly seen emission: float32 [height, width, 3].
 
         spp: a square.
         """
@@ -104,7 +113,7 @@ class DirectView:
             found, seen = self._band(own, spp, seed + start)
             light[own], emission[own] = found, seen
         shape = (self.view.height, self.view.width, 3)
-        return (light + emission).reshape(shape), emission.reshape(shape)
+        return light.reshape(shape), emission.reshape(shape)
 
     def _band(self, pixels: Int32, spp: int, seed: int) -> tuple[Float32, Float32]:
         lanes = len(pixels) * spp
@@ -162,7 +171,8 @@ class DirectView:
         light_pdf = dr.select(delta, 0, light_pdf)
         emitted = hit.emitter(scene).eval(hit, lamp) * self.factors.of(hit.emitter(scene), lamp)
         emitted *= weight * mis(pdf, light_pdf)
-        return (total + dr.select(lamp, emitted, 0)) * met.throughput
+        seen = dr.gather(mi.Float, self._lit, obj, met.valid)
+        return (total + dr.select(lamp, emitted, 0)) * met.throughput * seen
 
 
 def _light_mis(ds: Any, pdf: Any) -> Any:

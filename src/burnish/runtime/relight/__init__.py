@@ -1,0 +1,1 @@
+"""Pictures under changed lights and materials at once: the evaluation of `GatherData`."""

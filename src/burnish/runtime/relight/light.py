@@ -1,0 +1,111 @@
+"""The radiance of cells: L = Σ_n (M_s)^n L_d (2010, eq. 16–17), with M_s = albedo × M.
+
+The albedos of edited objects may stay open: L is then a polynomial in them, one L for each of
+its monomials.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from burnish.core.types import AnyArray, Float32, Float64
+from burnish.runtime.relight.rows import apply
+from burnish.transport.basis import State
+from burnish.transport.gather import GatherData, GatherSamples
+from burnish.transport.monomials import Monomials
+
+
+@dataclass(frozen=True)
+class CellLight:
+    """The radiance of cells, for each monomial z of the open albedos: float32 [z, g, 3]."""
+
+    monomials: Monomials
+    radiance: Float32
+
+
+def cell_light(
+    data: GatherData, irradiance: Float32, state: State, open_variables: tuple[int, ...] = ()
+) -> CellLight:
+    """L of all cells under a direct irradiance float32 [g, p, 3] at their points.
+
+    open_variables: of the basis, those whose albedo stays symbolic. Bounces are the basis's: the
+    last one is the row's own.
+    """
+    basis, samples = data.basis, data.samples
+    further = basis.bounces - 2
+    monomials = Monomials(len(open_variables), max(basis.bounces - 1, 0))
+    albedos = basis.albedos(state)
+    reflected = _Reflection(samples, albedos, open_variables, monomials)
+    if further < 0:
+        return CellLight(monomials, np.zeros((len(monomials), len(samples), 3), np.float32))
+    direct = np.zeros((len(monomials), len(samples), 3), np.float32)
+    light = reflected.direct(irradiance / np.float32(np.pi), direct)
+    total = light.copy()
+    for _ in range(further):
+        light = reflected.again(_gathered(data, light))
+        total += light
+    return CellLight(monomials, total)
+
+
+class _Reflection:
+    """M_s's albedos: what cells make of the light that they receive."""
+
+    def __init__(
+        self,
+        samples: GatherSamples,
+        albedos: Float64,
+        open_variables: tuple[int, ...],
+        monomials: Monomials,
+    ) -> None:
+        self.samples, self.monomials = samples, monomials
+        position = {v: k for k, v in enumerate(open_variables)}
+        # By group: a number for each cell and, where the albedo is open, which variable
+        self.numbers, self.open = [], []
+        for k in range(samples.variable.shape[1]):
+            variable = samples.variable[:, k]
+            values = np.zeros((len(samples), 3), np.float32)
+            values[variable >= 0] = albedos[variable[variable >= 0]]
+            which = np.array([position.get(int(v), -1) for v in range(len(albedos))], np.int32)
+            symbolic = np.where(variable >= 0, which[variable], -1)
+            values[symbolic >= 0] = 1.0
+            self.numbers.append(values)
+            self.open.append(symbolic)
+        self.mean = samples.reflects.mean(axis=1)
+        self.fixed = samples.fixed.mean(axis=1)
+
+    def direct(self, light: Float32, result: Float32) -> Float32:
+        """Of light [g, p, 3] at the points, which the weight maps meet point by point."""
+        points = light.shape[1]
+        result[0] += np.einsum("gph,gph->gh", self.samples.fixed, light) / points
+        for k, (number, symbolic) in enumerate(zip(self.numbers, self.open, strict=True)):
+            own = np.einsum("gph,gph->gh", self.samples.reflects[:, :, k], light) / points * number
+            self._deposit(result, 0, symbolic, own)
+        return result
+
+    def again(self, light: Float32) -> Float32:
+        """Of light [z, g, 3], even over a cell."""
+        result = np.zeros_like(light)
+        for z in range(len(light)):
+            result[z] += self.fixed * light[z]
+            for k, (number, symbolic) in enumerate(zip(self.numbers, self.open, strict=True)):
+                self._deposit(result, z, symbolic, self.mean[:, k] * number * light[z])
+        return result
+
+    def _deposit(self, result: Float32, z: int, symbolic: AnyArray, own: Float32) -> None:
+        settled = symbolic < 0
+        result[z][settled] += own[settled]
+        for v in range(self.monomials.variables):
+            further = int(self.monomials.next[z, v])
+            if further >= 0:
+                which = symbolic == v
+                result[further][which] += own[which]
+
+
+def _gathered(data: GatherData, light: Float32) -> Float32:
+    """M L of light [z, g, 3]: float32 [z, g, 3]."""
+    z, g, _ = light.shape
+    nodes = data.tree.means(light.transpose(1, 0, 2).reshape(g, 3 * z))
+    ones = np.ones((1, 3 * z), np.float32)
+    return apply(data.bounce, nodes, ones).reshape(g, z, 3).transpose(1, 0, 2)
