@@ -120,3 +120,12 @@ class TwoCurves(Model):
         a, b = self.axes
         box = a.bin_of(xp, first) * self.bins2 + b.bin_of(xp, second)
         return (box + 0.5) / self.boxes
+
+
+def check_two_curves(model: Model, where: str) -> None:
+    """Raises InvalidValue for a model with one curve; where: of its layer, for the message."""
+    if not isinstance(model, TwoCurves):
+        raise InvalidValue(
+            f"{where} has one curve, that of {model.name}; a second one have "
+            "cook-torrance-curves and other models over two curves"
+        )

@@ -10,8 +10,8 @@
       }
     }
 
-A layer's entry may have `parameters`, `curve` and `outgoing_curve` (see `Curve`), `enabled`
-and `weight`; and, where it was given another model, `model`, as a bundle would store the
+A layer's entry may have `parameters`, `curve`, `outgoing_curve` and, where its model has two
+curves, `second_curve` (see `Curve`), `enabled` and `weight`; and, where it was given another model, `model`, as a bundle would store the
 layer, with the values that it `started` with and those `kept` for other layers.
 An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
 are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
@@ -34,6 +34,7 @@ from burnish.materials.lights import LightGroup, LightState
 from burnish.materials.names import WEIGHT
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.registry import layer_from_json, layer_to_json
+from burnish.materials.two_curves import check_two_curves
 from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
@@ -158,6 +159,9 @@ def _layer_entry(layer: LayerState, initial: LayerState) -> Json:
     if layer.outgoing_curve != initial.outgoing_curve:
         outward = layer.outgoing_curve
         entry["outgoing_curve"] = None if outward is None else outward.to_json()
+    if layer.second_curve != initial.second_curve:
+        second = layer.second_curve
+        entry["second_curve"] = None if second is None else second.to_json()
     if layer.enabled != initial.enabled:
         entry["enabled"] = layer.enabled
     if layer.weight != initial.weight:
@@ -239,16 +243,18 @@ def _edited_layer(
         elif key == "curve":
             curve = None if value is None else Curve.from_json(_mapping(value, f"{where}.curve"))
             layer = replace(layer, curve=curve)
-        elif key == "outgoing_curve":
+        elif key in ("outgoing_curve", "second_curve"):
             field = f"{where}.{key}"
-            outward = None if value is None else Curve.from_json(_mapping(value, field))
-            layer = replace(layer, outgoing_curve=outward)
+            drawn = None if value is None else Curve.from_json(_mapping(value, field))
+            if key == "second_curve" and drawn is not None:
+                check_two_curves(material.layer(name).model, where)
+            layer = replace(layer, **{key: drawn})
         elif key == "enabled":
             layer = replace(layer, enabled=_boolean(value, f"{where}.enabled"))
         elif key == "weight":
             layer = replace(layer, weight=cast(float, WEIGHT.validate(value, f"{where}.")))
         else:
-            raise UnknownName("entry", key, _ENTRIES)
+            raise UnknownName("entry", key, (*_ENTRIES, "second_curve"))
     return layer
 
 

@@ -29,6 +29,7 @@ from burnish.materials.lights import PREFIX, LightGroup, lights_in
 from burnish.materials.names import WEIGHT, resolve
 from burnish.materials.reflectance import asymmetry
 from burnish.materials.replacement import replaced
+from burnish.materials.two_curves import check_two_curves
 from burnish.runtime.renderer import Renderer
 from burnish.session.brushes import Brush, BrushName, brushes
 from burnish.session.drafting import Drafting
@@ -261,6 +262,17 @@ class Session(Lighting, Drafting):
         """
         label = f"{'Drew' if curve else 'Cleared'} the viewing curve of {layer_path}"
         self._change_layer(layer_path, label, outgoing_curve=curve)
+
+    def set_second_curve(self, layer_path: str, curve: Curve | None) -> None:
+        """Put a freehand curve on the second curve of a layer with two, or take it away.
+
+        Raises UnknownName, InvalidValue for a layer with one curve.
+        """
+        object_id, name = resolve_layer(self._materials, layer_path)
+        model = self._current()[object_id].layer(name).model
+        check_two_curves(model, f"{object_id}.{name}")
+        label = f"{'Drew' if curve else 'Cleared'} the second curve of {layer_path}"
+        self._change_layer(layer_path, label, second_curve=curve)
 
     @property
     def models_fixed(self) -> str:
