@@ -67,7 +67,7 @@ def test_a_blend_is_mitsubas(weight: Any, two_sided: bool) -> None:
     layers = dict(initial.layers)
     metal = layers["second_specular"]
     layers["second_specular"] = replace(metal, values={**metal.values, "roughness": 0.6})
-    state = MaterialState(layers)
+    state = replace(initial, layers=layers)
     found, expected = values(adapted, adapted.edited_bsdf(state), state)
     np.testing.assert_allclose(found, expected, rtol=2e-4, atol=1e-6 * expected.max())
 
@@ -112,7 +112,8 @@ def test_a_tint_scales_what_a_texture_shows(tmp_path: Any) -> None:
         adapted = adapt(description)
         assert adapted.material is not None
         assert adapted.edited_bsdf is not None
-        matte = adapted.material.initial.layers["diffuse"]
+        initial = adapted.material.initial
+        matte = initial.layers["diffuse"]
         tint = replace(matte, values={"color": (0.5, 1.0, 0.25)})
         si = mi.SurfaceInteraction3f()
         si.wi, si.uv = mi.Vector3f(0, 0, 1), mi.Point2f(0.25, 0.25)
@@ -120,7 +121,7 @@ def test_a_tint_scales_what_a_texture_shows(tmp_path: Any) -> None:
             np.asarray(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0, 1))).ravel()
             for bsdf in (
                 mi.load_dict(description),
-                adapted.edited_bsdf(MaterialState({"diffuse": tint})),
+                adapted.edited_bsdf(replace(initial, layers={"diffuse": tint})),
             )
         )
         np.testing.assert_allclose(tinted, plain * [0.5, 1.0, 0.25], rtol=1e-4)

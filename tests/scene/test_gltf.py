@@ -23,8 +23,8 @@ FACES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 # file: (objects, editable ones)
 FILES = {
     "AnisotropyStrengthTest": (51, 8),
-    "ClearCoatTest": (28, 26),
-    "DamagedHelmet": (2, 0),
+    "ClearCoatTest": (28, 27),
+    "DamagedHelmet": (2, 1),
     "boombox": (2, 1),
 }
 

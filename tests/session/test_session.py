@@ -44,9 +44,9 @@ class CountingTransport(BakedTransport):
     def revision(self) -> int:
         return self.passes
 
-    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+    def freeze(self, targets: tuple[int, ...], state: State, fine: tuple[int, ...] = ()) -> Frozen:
         self.frozen += 1
-        return replace(super().freeze(targets, state), revision=self.passes)
+        return replace(super().freeze(targets, state, fine), revision=self.passes)
 
 
 def session_of(**options: object) -> Session:
@@ -407,7 +407,7 @@ class RemodellingTransport(CountingTransport):
 
     remodels: bool = True
 
-    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+    def freeze(self, targets: tuple[int, ...], state: State, fine: tuple[int, ...] = ()) -> Frozen:
         self.frozen += 1
         return super().freeze(targets, initial_state(BASIS.objects))
 

@@ -136,7 +136,7 @@ class UntracedView:
         """Black: float32 [height, width, 3]."""
         return np.zeros((self.height, self.width, 3), np.float32)
 
-    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+    def freeze(self, targets: tuple[int, ...], state: State, fine: tuple[int, ...] = ()) -> Frozen:
         """Raises InvalidValue: nothing has been traced."""
         raise InvalidValue("the scene has not been baked; bake it first: burnish bake")
 

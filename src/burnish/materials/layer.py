@@ -10,6 +10,7 @@ import numpy as np
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Float64, Value
 from burnish.materials.curve import Curve
+from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.model import Model, Values
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.parameter import Parameter
@@ -166,12 +167,14 @@ class MaterialState:
 
     conserve: link the layers' weights so that together they reflect no more than they
     receive (2006, footnote 2). strokes: what was painted on it, in order; `painting` makes of
-    them what each point of the surface has.
+    them what each point of the surface has. images: pictures in place of parameters' values,
+    by (layer, parameter).
     """
 
     layers: Mapping[str, LayerState]
     conserve: bool = False
     strokes: tuple[Stroke, ...] = ()
+    images: Mapping[Place, ImageMap] = field(default_factory=dict)
 
     @property
     def replacements(self) -> dict[str, Replacement]:
@@ -181,9 +184,10 @@ class MaterialState:
 
 
 def unpainted(state: Mapping[str, MaterialState]) -> dict[str, MaterialState]:
-    """The same materials by name without their strokes, which tracing needs nothing of."""
+    """The same materials by name without strokes and pictures, which tracing needs nothing of."""
     return {
-        name: replace(item, strokes=()) if item.strokes else item for name, item in state.items()
+        name: replace(item, strokes=(), images={}) if item.strokes or item.images else item
+        for name, item in state.items()
     }
 
 
@@ -204,6 +208,8 @@ class Link:
 class Material:
     """A sum of layers, and the state that the scene gave it.
 
+    A colour that has a picture from the beginning has it as the weight map H of its layer's
+    group, which light knows at every bounce; other pictures are looked up row by row.
     links: parameters that are no knobs of their own. States leave them out; `linked` puts
       them in.
     """
@@ -249,6 +255,31 @@ class Material:
         links = tuple(link for link in self.links if link.layer not in found)
         initial = {**self.initial.layers, **started}
         return Material(layers, replace(self.initial, layers=initial), links)
+
+    def inherent(self, place: Place) -> ImageMap | None:
+        """The picture of a colour that is part of its group's weight map, or None."""
+        found = self.initial.images.get(place)
+        return found if found is not None and self._kind(place) == "colour" else None
+
+    def _kind(self, place: Place) -> str:
+        """Of a parameter; "" where there is none: its layer may have got another model."""
+        for layer in self.layers:
+            for item in layer.parameters if layer.name == place[0] else ():
+                if item.name == place[1]:
+                    return item.kind
+        return ""
+
+    def varies(self, state: MaterialState) -> bool:
+        """Whether a state differs from row to row, weight maps apart."""
+        if state.strokes:
+            return True
+        inherent = {
+            place: found
+            for place in self.initial.images
+            if (found := self.inherent(place)) is not None
+        }
+        shown = {place: image for place, image in state.images.items() if self._kind(place)}
+        return shown != inherent
 
     def layer(self, name: str) -> Layer:
         """The layer of that name. Raises UnknownName."""

@@ -12,6 +12,7 @@ from typing import Any, cast
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.core.types import Value
 from burnish.materials.curve import Curve
+from burnish.materials.images.image import ImageMap
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.materials.measured.models import (
     MeasuredDiffuse,
@@ -192,7 +193,14 @@ def layer_state_from_json(data: Mapping[str, Any]) -> LayerState:
 
 def state_to_json(state: MaterialState) -> Json:
     """What was set on one material."""
-    painted = {"strokes": [item.to_json() for item in state.strokes]} if state.strokes else {}
+    painted: Json = {}
+    if state.strokes:
+        painted["strokes"] = [item.to_json() for item in state.strokes]
+    if state.images:
+        painted["images"] = [
+            {"layer": layer, "parameter": parameter, **item.to_json()}
+            for (layer, parameter), item in state.images.items()
+        ]
     return {
         "layers": {name: layer_state_to_json(layer) for name, layer in state.layers.items()},
         "conserve": state.conserve,
@@ -205,7 +213,11 @@ def state_from_json(data: Mapping[str, Any]) -> MaterialState:
     with _complaint("material state", data):
         layers = {name: layer_state_from_json(layer) for name, layer in data["layers"].items()}
         strokes = tuple(Stroke.from_json(item) for item in data.get("strokes", ()))
-        return MaterialState(layers, bool(data["conserve"]), strokes)
+        images = {
+            (item["layer"], item["parameter"]): ImageMap.from_json(item)
+            for item in data.get("images", ())
+        }
+        return MaterialState(layers, bool(data["conserve"]), strokes, images)
 
 
 def material_to_json(material: Material) -> Json:

@@ -12,7 +12,7 @@ import numpy as np
 from burnish.core.types import Bool, Int32
 from burnish.precompute.symbolic import NUMERIC, PLAIN
 from burnish.precompute.tracer import MIRROR_PDF, Tracer
-from burnish.transport.rows import Rows
+from burnish.transport.rows import POINTS, Rows
 
 SAMPLES = 32
 """Camera samples per pixel of the prepass. An object that covers less of a pixel than these
@@ -63,6 +63,7 @@ def find_rows(tracer: Tracer, seed: int, samples: int = SAMPLES) -> Geometry:
         np.float32
     )
     _average_geometry(tracer, seed, samples, rows)
+    _spread_points(tracer, seed, rows)
     return Geometry(rows, rough)
 
 
@@ -96,14 +97,18 @@ def _passes(tracer: Tracer, seed: int, samples: int) -> Any:
         yield dr.arange(mi.UInt32, pixels * per_pass) // per_pass, sampler
 
 
-def _first_encounter(tracer: Tracer, pixel: Any, sampler: Any) -> tuple[Any, Any, Any, Any]:
+def _first_encounter(
+    tracer: Tracer, pixel: Any, sampler: Any, place: Any = None
+) -> tuple[Any, Any, Any, Any]:
     """Follow mirror-like fixed vertices to the first symbolic object.
 
+    place: where in the pixel's filter the ray begins, in the unit square; at random without it.
     Returns (hit, symbolic index or -1, met a rough fixed object, cosθo in the frame that the
     object's material reflects in).
     """
     width = tracer.view.width
-    ray, _ = tracer.camera_ray(mi.Point2u(pixel % width, pixel // width), sampler)
+    drawn = sampler if place is None else _Placed(sampler, place)
+    ray, _ = tracer.camera_ray(mi.Point2u(pixel % width, pixel // width), drawn)
     scene, bounces = tracer.scene.mi_scene, tracer.basis.bounces
 
     def body(
@@ -205,6 +210,60 @@ def _average_geometry(tracer: Tracer, seed: int, samples: int, rows: Rows) -> No
     rows.uv[known] = mean[:, 6:8]
     rows.cos_theta_o[known] = np.clip(mean[:, 8], 0, 1)
     _borrow(rows, known, tracer.view.width)
+
+
+@dataclass
+class _Placed:
+    """A sampler whose first point, the one on the film, is given."""
+
+    sampler: Any
+    first: Any
+
+    def next_2d(self) -> Any:
+        point, self.first = self.first, None
+        return self.sampler.next_2d() if point is None else point
+
+    def next_1d(self) -> Any:
+        return self.sampler.next_1d()
+
+
+def _spread_points(tracer: Tracer, seed: int, rows: Rows) -> None:
+    """Where in uv the fine rows' points lie, one from each cell of a grid over the pixel."""
+    pixels, objects = tracer.view.width * tracer.view.height, len(tracer.basis.objects)
+    side = round(POINTS**0.5)
+    assert side * side == POINTS
+    table = mi.Int32(row_table(rows, pixels, objects).ravel())
+    found = dr.zeros(mi.Float, max(len(rows), 1) * POINTS * 3)
+    dr.make_opaque(found)
+    for number in range(POINTS):
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed + 104729 * (number + 1), pixels)
+        corner = mi.UInt32(number % side), mi.UInt32(number // side)
+        dr.make_opaque(*corner)
+        pixel = dr.arange(mi.UInt32, pixels)
+        place = (mi.Point2f(*map(mi.Float, corner)) + sampler.next_2d()) / side
+        si, symbolic, _, _ = _first_encounter(tracer, pixel, sampler, place)
+        met = si.is_valid() & (symbolic >= 0)
+        row = dr.gather(
+            mi.Int32, table, (pixel * objects + mi.UInt32(dr.maximum(symbolic, 0))) * 2, met
+        )
+        met &= row >= 0
+        # A literal number would be a kernel of its own
+        at = (mi.UInt32(row) * POINTS + corner[1] * side + corner[0]) * 3
+        for k, value in enumerate([1.0, *si.uv]):
+            dr.scatter(found, mi.Float(value), at + k, met)
+        dr.eval(found)
+    points = np.array(found).reshape(-1, POINTS, 3)[: len(rows)]
+    known = points[..., 0] > 0
+    # Points that met something else stand for one that did
+    order = np.argsort(~known, axis=1, kind="stable")
+    count = known.sum(axis=1)
+    turn = np.arange(POINTS) % np.maximum(count, 1)[:, None]
+    uv = np.take_along_axis(points[..., 1:], order[..., None], axis=1)
+    uv = np.take_along_axis(uv, turn[..., None], axis=1)
+    own = (count > 0) & ~rows.indirect
+    rows.uv[own] = uv[own].mean(axis=1)
+    rows.spread[own] = uv[own] - rows.uv[own][:, None]
 
 
 def _borrow(rows: Rows, known: Bool, width: int) -> None:

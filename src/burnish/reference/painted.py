@@ -16,10 +16,16 @@ import numpy as np
 
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Float32
+from burnish.materials.images.image import Place
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
-from burnish.materials.painting.canvas import Canvas, Place
+from burnish.materials.painting.canvas import Canvas
 from burnish.materials.painting.stroke import WEIGHT
-from burnish.materials.painting.varied import painted_values, painted_weights
+from burnish.materials.painting.varied import (
+    painted_over,
+    painted_values,
+    painted_weights,
+    pictured,
+)
 from burnish.reference.bsdf import reflecting_bsdf, wrapped
 from burnish.reference.lobes import Lobe, Lobes
 from burnish.reference.reflectance import Reflectance, is_smooth
@@ -36,7 +42,8 @@ _GROWN = 4
 def painted_maps(
     material: Material, state: MaterialState, shape: Any, side: int = SIDE
 ) -> dict[Place, Float32]:
-    """What strokes make of parameters over a shape's uv space: float32 [side, side, 1 or 3].
+    """What strokes and maps make of parameters over a shape's uv space: float32 [side, side, 1
+    or 3].
 
     Values as the model takes them; H for weights. shape: an mi.Shape whose uv tells its points
     apart. Where uv meets no surface, the nearest texels' values and then the material's own.
@@ -47,11 +54,23 @@ def painted_maps(
         raise InvalidValue("the shape has no uv coordinates, so paint cannot become a texture")
     canvas = Canvas(position[found], normal[found])
     canvas.show(state.strokes)
+    images = {
+        place: image for place, image in state.images.items() if material.inherent(place) != image
+    }
+    uv = _centres(side)[found][:, None]
     maps = {}
-    for place, item in canvas.maps.items():
-        if place[1] == WEIGHT:
+    for place in {**canvas.maps, **images}:
+        item = canvas.maps.get(place)
+        if place in images:
+            seen = images[place].at(uv).astype(np.float64)
+            base = pictured(material, state, place, seen)
+            if item is not None:
+                base = painted_over(material, place, item, base)
+            values = np.concatenate([base[:, 0], base[:, 0].mean(axis=0, keepdims=True)])
+        elif item is not None and place[1] == WEIGHT:
             values = painted_weights(item).astype(np.float64)[:, None]
         else:
+            assert item is not None
             values = painted_values(material, state, place, item)
         texture = np.broadcast_to(values[-1], (side * side, values.shape[1])).astype(np.float32)
         texture[found] = values[:-1]
@@ -85,7 +104,7 @@ class PaintedReflectance(Reflectance):
             )
             for place, values in uv_maps.items()
         }
-        super().__init__(material, replace(state, strokes=()), maps)
+        super().__init__(material, replace(state, strokes=(), images={}), maps)
 
     def rough(self, si: Any, wi: Any, wo: Any, active: Any) -> Any:
         result = mi.Color3f(0)
@@ -147,6 +166,13 @@ def _profile(layer: Layer, values: dict[str, Any]) -> Any:
 
 
 def _check(material: Material, state: MaterialState, uv_maps: Mapping[Place, Float32]) -> None:
+    for place in material.initial.images:
+        inherent = material.inherent(place)
+        if inherent is not None and state.images.get(place) != inherent:
+            raise InvalidValue(
+                f"{'.'.join(place)}: another picture in place of the scene's own, on a material "
+                "that no plugin of Mitsuba's holds, cannot be path-traced"
+            )
     if state.conserve:
         raise InvalidValue("a painted material with linked layers cannot be path-traced: unlink it")
     for layer in material.layers:
@@ -184,10 +210,16 @@ def painted_bsdf(item: SceneObject, state: MaterialState, shapes: list[Any]) -> 
     return wrapped(item, lambda sides: reflecting_bsdf(painted, sides))
 
 
+def _centres(side: int) -> Float32:
+    """uv of the texels' centres: float32 [side², 2]."""
+    at = ((np.arange(side) + 0.5) / side).astype(np.float32)
+    return np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
+
+
 def _texels(shape: Any, side: int) -> tuple[Float32, Float32, np.ndarray]:
     """Position and normal at the texels' centres: float32 [side², 3] each, and where there are."""
-    index = dr.arange(mi.UInt32, side * side)
-    uv = mi.Point2f(mi.Float(index % side) + 0.5, mi.Float(index // side) + 0.5) / side
+    u, v = _centres(side).T
+    uv = mi.Point2f(np.ascontiguousarray(u), np.ascontiguousarray(v))
     si = shape.eval_parameterization(uv, int(mi.RayFlags.All), True)
     count = (side * side,)
     found = np.broadcast_to(np.array(si.is_valid()), count)

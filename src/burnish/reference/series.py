@@ -73,11 +73,15 @@ def series_image(
             "reset the lights, or path-trace without a series"
         )
     state = without_lights(state)
-    painted = [name for name, item in state.items() if item.strokes]
-    if painted:
+    varied = [
+        item.id
+        for item in scene.objects
+        if item.material is not None and item.id in state and item.material.varies(state[item.id])
+    ]
+    if varied:
         raise InvalidValue(
-            f"{', '.join(painted)} is painted, and a picture with the series' approximations is "
-            "of uniform materials: path-trace without a series"
+            f"{', '.join(varied)} is painted or has maps, and a picture with the series' "
+            "approximations is of uniform materials: path-trace without a series"
         )
     if not series or any(n < 1 for n in series):
         raise InvalidValue(f"series must be numbers >= 1, like 64,1,1,1; got {tuple(series)}")

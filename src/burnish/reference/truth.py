@@ -132,11 +132,20 @@ class PathTracedTruth:
         return self._scenes
 
     def _bsdf(self, item: SceneObject, state: MaterialState) -> Any:
-        """The mi.BSDF of an object, its paint in textures. Raises InvalidValue."""
-        if not state.strokes:
+        """The mi.BSDF of an object, its paint and maps in textures. Raises InvalidValue."""
+        plain = not (state.strokes or state.images)
+        if plain or (not state.strokes and _held(item, state)):
             return edited_bsdf(item, state)
         shapes = self.scene.mi_scene.shapes()
         return painted_bsdf(item, state, [shapes[k] for k in item.shapes])
+
+
+def _held(item: SceneObject, state: MaterialState) -> bool:
+    """Whether an object's weight maps and a plugin of Mitsuba's, or ours, hold its pictures."""
+    assert item.material is not None
+    if not item.material.varies(state):
+        return True
+    return not state.replacements and item.described(state) is not None
 
 
 def edited_bsdf(item: SceneObject, state: MaterialState) -> Any:

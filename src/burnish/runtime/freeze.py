@@ -69,8 +69,8 @@ class BakedTransport:
     def revision(self) -> int:
         return self.source.revision
 
-    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
-        return freeze(self.source, targets, state, self.memory)
+    def freeze(self, targets: tuple[int, ...], state: State, fine: tuple[int, ...] = ()) -> Frozen:
+        return freeze(self.source, targets, state, self.memory, fine)
 
 
 def freeze(
@@ -78,10 +78,12 @@ def freeze(
     targets: Sequence[int],
     state: State,
     memory: int | None = None,
+    fine: Sequence[int] = (),
 ) -> Frozen:
     """Freeze a view for a set of targets (indices into `Basis.objects`, in any order).
 
-    state: the materials of all objects; those of the targets do not matter.
+    state: the materials of all objects; those of the targets do not matter. fine: objects
+    whose own rows keep their columns though they are numbers from the second encounter on.
     Raises InvalidValue for a target out of range, TooLarge when V would need more than
     `memory` bytes (None: half of the machine's memory).
     """
@@ -94,13 +96,16 @@ def freeze(
     powers, factors = tail_factors(basis, chosen, state)
     powers, factors = over_lights(basis, powers, factors, state, symbolic=not chosen)
     stacks = source.stacks()
-    others = [stack for stack in stacks if stack.object not in chosen]
+    kept = [
+        stack.object in chosen or (stack.object in fine and not stack.indirect) for stack in stacks
+    ]
+    others = [stack for stack, own in zip(stacks, kept, strict=True) if not own]
     pixels = source.width * source.height
     if others:
         _check_memory(basis, chosen, len(powers.exponents), pixels, memory)
 
     base, first = base_under(basis, powers, source.base, state)
-    own = [stack for stack in stacks if stack.object in chosen]
+    own = [stack for stack, own in zip(stacks, kept, strict=True) if own]
     parts: list[FrozenPart | FoldedPart] = list(first)
     parts += parallel_map(
         lambda stack: FoldedPart.of(stack, _columns_of(basis, stack), factors), own

@@ -27,6 +27,8 @@ from burnish.transport.stack import Stack
 
 _TOGETHER = 8
 """Nodes whose light is contracted in one reading of the transport."""
+_FEW = 64
+"""Nodes of a row that are compared with those that it had in the last frame."""
 _SPARE = 8
 """Nodes that the store has room for beyond those in use."""
 
@@ -114,7 +116,7 @@ class _Part:
         if before is None or before.version != layer.version:
             self._slots = {}
             return np.ones(len(self.pixel), np.bool_)
-        if before.index.shape != layer.index.shape:
+        if before.index.shape != layer.index.shape or layer.index.shape[1] > _FEW:
             return np.ones(len(self.pixel), np.bool_)
         # Entries of the two tables are told apart by their values, not by their places
         where = {node: n for n, node in enumerate(layer.nodes)}

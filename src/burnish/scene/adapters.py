@@ -16,6 +16,7 @@ import mitsuba as mi
 
 from burnish.core.errors import InvalidValue
 from burnish.core.types import RGB, Value
+from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.materials.model import Model
 from burnish.materials.models.cook_torrance import (
@@ -97,10 +98,8 @@ def with_gloss(material: Material, model: Model | None = None) -> Material:
         start = 0.3 if parameter.name == "roughness" else parameter.default
         values[parameter.name] = parameter.validate(start)
     layer = Layer.starting_at("specular", model, values)
-    initial = MaterialState(
-        {**material.initial.layers, "specular": LayerState(values, weight=0.0)},
-        material.initial.conserve,
-    )
+    layers = {**material.initial.layers, "specular": LayerState(values, weight=0.0)}
+    initial = replace(material.initial, layers=layers)
     return replace(material, layers=(*material.layers, layer), initial=initial)
 
 
@@ -113,22 +112,27 @@ def _diffuse(read: Reader) -> Read:
     values: dict[str, Value] = {"color": colour}
     layer = Layer.starting_at("diffuse", Lambert(), values, group=group)
     maps = {"diffuse": read.texture("reflectance")} if textured else {}
-    return Material((layer,), MaterialState({"diffuse": LayerState(values)})), maps
+    images = read.images({("diffuse", "color"): "reflectance"})
+    initial = MaterialState({"diffuse": LayerState(values)}, images=images)
+    return Material((layer,), initial), maps
 
 
 def _conductor(read: Reader) -> Read:
-    return _metal(read, "ggx", 0.0)
+    return _metal(read, "ggx", (0.0, None))
 
 
 def _roughconductor(read: Reader) -> Read:
     if "alpha_u" in read.description or "alpha_v" in read.description:
         if read.scalar("alpha_u") != read.scalar("alpha_v"):
             raise Fixed("its roughness differs along u and v (alpha_u, alpha_v)")
-        return _metal(read, read.distribution(), read.scalar("alpha_u"))
-    return _metal(read, read.distribution(), read.scalar("alpha"))
+        return _metal(read, read.distribution(), (read.scalar("alpha_u"), None))
+    return _metal(read, read.distribution(), read.varying("alpha"))
 
 
-def _metal(read: Reader, distribution: Distribution, alpha: float) -> Read:
+def _metal(
+    read: Reader, distribution: Distribution, roughness: tuple[float, ImageMap | None]
+) -> Read:
+    alpha, picture = roughness
     colour, textured = read.coloured("specular_reflectance")
     values: dict[str, Value] = {
         "color": colour,
@@ -144,7 +148,11 @@ def _metal(read: Reader, distribution: Distribution, alpha: float) -> Read:
         group="specular" if textured else "",
     )
     maps = {"specular": read.texture("specular_reflectance")} if textured else {}
-    return Material((layer,), MaterialState({"specular": LayerState(values)})), maps
+    images = read.images({("specular", "color"): "specular_reflectance"})
+    if picture is not None:
+        images["specular", "roughness"] = picture
+    initial = MaterialState({"specular": LayerState(values)}, images=images)
+    return Material((layer,), initial), maps
 
 
 def _plastic(read: Reader) -> Read:
@@ -192,8 +200,12 @@ def _coated(read: Reader, distribution: Distribution, alpha: float) -> Read:
             fixed = {f"texture_{c}": m for c, m in zip("rgb", mean, strict=True)}
             base = replace(base, fixed={**base.fixed, **fixed})
             maps["diffuse"] = interreflected(maps["diffuse"], inside)
+    images = read.images({("specular", "color"): "specular_reflectance"})
+    if not nonlinear:
+        images |= read.images({("diffuse", "color"): "diffuse_reflectance"})
     initial = MaterialState(
-        {"diffuse": LayerState({"color": base_colour}), "specular": LayerState(coat_values)}
+        {"diffuse": LayerState({"color": base_colour}), "specular": LayerState(coat_values)},
+        images=images,
     )
     links = tuple(Link("diffuse", name, "specular", name) for name in ("roughness", "ior"))
     return Material((base, coat), initial, links), maps
@@ -238,6 +250,14 @@ class _Writer:
     material: Material
     read: Reader
 
+    @property
+    def _holds(self) -> set[Place]:
+        """Where Mitsuba's plugin takes a picture."""
+        places = {("diffuse", "color"), ("specular", "roughness")}
+        if self.description["type"] == "principled":
+            return places | {("specular", "metallic")}
+        return places | {("specular", "color")}
+
     def __call__(self, state: MaterialState) -> Description | None:
         """Its dictionary, or None where Mitsuba's plugin cannot hold the state."""
         own = {layer.name for layer in self.material.layers}
@@ -245,6 +265,8 @@ class _Writer:
         if state.conserve or any(layer.enabled and layer.weight > 0 for layer in extra):
             return None
         if any(is_freehand(state.layers[name]) for name in own):
+            return None
+        if set(state.images) - self._holds:
             return None
         if self.description["type"] == "principled":
             return self._held(lambda: principled.edited(self.read, self.material, state))
@@ -266,17 +288,21 @@ class _Writer:
     def _edited(self, state: MaterialState, colours: Mapping[str, RGB]) -> dict[str, Any]:
         kind = self.description["type"]
         if kind == "diffuse":
-            return {"type": kind, **self.read.edited_colour("reflectance", colours["diffuse"])}
+            return {"type": kind, **self._colour("reflectance", "diffuse", colours, state)}
         values = state.layers["specular"].values
         alpha = float(values["roughness"])  # type: ignore[arg-type]
-        smooth = alpha < SMALLEST_ROUGHNESS
-        edited: dict[str, Any] = {} if smooth else {"alpha": alpha, **self._distribution()}
-        edited.update(self.read.edited_colour("specular_reflectance", colours["specular"]))
+        picture = state.images.get(("specular", "roughness"))
+        smooth = alpha < SMALLEST_ROUGHNESS and picture is None
+        roughness = self.read.edited_number("alpha", alpha, picture)
+        edited: dict[str, Any] = {} if smooth else {"alpha": roughness, **self._distribution()}
+        edited.update(self._colour("specular_reflectance", "specular", colours, state))
         if "conductor" in kind:
             edited["type"] = "conductor" if smooth else "roughconductor"
             for name in ("eta", "k"):
                 edited[name] = rgb(values[name])
             return edited
+        if picture is not None:
+            raise Fixed("Mitsuba's roughplastic has one roughness")
         base = self.material.layer("diffuse").model
         assert isinstance(base, PlasticBase)
         layer = state.layers["diffuse"]
@@ -287,8 +313,13 @@ class _Writer:
         edited["type"] = "plastic" if smooth else "roughplastic"
         edited["nonlinear"] = base.nonlinear
         edited["int_ior"], edited["ext_ior"] = float(values["ior"]), 1.0  # type: ignore[arg-type]
-        edited.update(self.read.edited_colour("diffuse_reflectance", colours["diffuse"]))
+        edited.update(self._colour("diffuse_reflectance", "diffuse", colours, state))
         return edited
+
+    def _colour(
+        self, name: str, layer: str, colours: Mapping[str, RGB], state: MaterialState
+    ) -> dict[str, Any]:
+        return self.read.edited_colour(name, colours[layer], state.images.get((layer, "color")))
 
     def _distribution(self) -> dict[str, Any]:
         model = self.material.layer("specular").model

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.scene.reader import Description, Fixed
 from burnish.scene.textures import Factor, product
@@ -47,7 +48,12 @@ class Blend:
                 for name, layer in state.layers.items()
                 if name.startswith(start)
             }
-            edited[prefix] = part.describe(MaterialState(own))
+            images = {
+                (layer.removeprefix(start), parameter): image
+                for (layer, parameter), image in state.images.items()
+                if layer.startswith(start)
+            }
+            edited[prefix] = part.describe(MaterialState(own, images=images))
             if edited[prefix] is None:
                 return None
         if set(state.layers) != {layer.name for layer in self.material.layers}:
@@ -79,6 +85,7 @@ def blend(description: Description, adapt: Callable[[Description], Adapted]) -> 
     links: list[Link] = []
     states: dict[str, LayerState] = {}
     maps: dict[str, Description] = {}
+    images: dict[Place, ImageMap] = {}
     for prefix, part, share in zip(PREFIXES, (first, second), shares, strict=True):
         assert part.material is not None
         for layer in part.material.layers:
@@ -88,6 +95,10 @@ def blend(description: Description, adapt: Callable[[Description], Adapted]) -> 
             states[name] = part.material.initial.layers[layer.name]
             own = [Factor(part.maps[layer.group])] if layer.group else []
             maps[group] = product([share, *own])
+        images |= {
+            (f"{prefix}_{layer}", parameter): image
+            for (layer, parameter), image in part.material.initial.images.items()
+        }
         links += [
             replace(
                 link,
@@ -96,5 +107,5 @@ def blend(description: Description, adapt: Callable[[Description], Adapted]) -> 
             )
             for link in part.material.links
         ]
-    material = Material(tuple(layers), MaterialState(states), tuple(links))
+    material = Material(tuple(layers), MaterialState(states, images=images), tuple(links))
     return Blend(material, maps, weight, (first, second))

@@ -1,9 +1,8 @@
 """Mitsuba's `principled` as layers, and back.
 
-A base colour or a metallic weight that varies over the surface becomes the weight map H of
-the layers that it multiplies. With base colour t and metallic M that is, for the base
-t (1 − M); for the metal's reflection, t M (1 − Fd) + M Fd, two layers; (1 − M) for the
-dielectric's. A metallic map leaves no knob "metallic".
+A base colour that varies over the surface becomes the weight map H of the layers that it
+multiplies: the base's, and of the metal's reflection t m (1 − Fd) + m Fd the first part, a layer
+of its own. Roughness and metallic that vary are pictures, looked up row by row.
 """
 
 from __future__ import annotations
@@ -31,6 +30,8 @@ Part = tuple[str, Model, tuple[Factor, ...]]
 
 _SCALED = ("sheen", "clearcoat")
 """Numbers whose texture is a weight map, edited by a factor."""
+_PICTURED = ("roughness", "metallic")
+"""Numbers whose texture is looked up row by row."""
 
 
 def read(source: Reader) -> Read:
@@ -47,8 +48,6 @@ def read(source: Reader) -> Read:
     layers, states, maps = [], {}, {}
     for name, model, factors in parts:
         own = {item.name: values[item.name] for item in model.parameters}
-        if source.is_textured("metallic"):
-            own |= {"metallic": float(name in ("metal", "edge"))} if "metallic" in own else {}
         group = name if factors else ""
         if factors:
             maps[group] = product(factors)
@@ -56,15 +55,22 @@ def read(source: Reader) -> Read:
         states[name] = LayerState(own)
     links = _links(source, layers)
     shared = _share_groups(layers, maps)
-    return Material(tuple(shared), MaterialState(states), links), maps
+    images = source.images({("diffuse", "color"): "base_color"})
+    for name in _PICTURED:
+        picture = source.varying(name)[1]
+        if picture is not None:
+            images["specular", name] = picture
+    return Material(tuple(shared), MaterialState(states, images=images), links), maps
 
 
 def _values(source: Reader) -> dict[str, Value]:
     colour, textured = source.coloured("base_color")
-    values: dict[str, Value] = {"color": colour, "roughness": source.scalar("roughness")}
+    values: dict[str, Value] = {"color": colour}
+    for name in _PICTURED:
+        values[name] = min(max(source.varying(name)[0], 0.0), 1.0)
     for name in ("sheen_tint", "spec_tint", "clearcoat_gloss"):
         values[name] = source.scalar(name)
-    for name in ("metallic", *_SCALED):
+    for name in _SCALED:
         values[name] = 1.0 if source.is_textured(name) else source.scalar(name)
     if textured and values["spec_tint"] != 0:
         raise Fixed("its spec_tint takes a hue from a textured base_color")
@@ -87,26 +93,17 @@ def _values(source: Reader) -> dict[str, Value]:
 def _parts(source: Reader) -> list[Part]:
     """The layers in their order, bottom up."""
     base = [Factor(source.texture("base_color"))] if source.is_textured("base_color") else []
-    metal, rest = [], []
-    if source.is_textured("metallic"):
-        texture = source.texture("metallic")
-        metal = [Factor(texture, single=True)]
-        rest = [Factor(texture, -1.0, 1.0, single=True)]
     scaled = {
         name: [Factor(source.texture(name), single=True)] if source.is_textured(name) else []
         for name in _SCALED
     }
     parts: list[tuple[str, Model, list[Factor]]] = [
-        ("diffuse", PrincipledBase(), base + rest),
-        ("sheen", PrincipledSheen(), scaled["sheen"] + rest),
-        ("specular", PrincipledSpecular("ggx", coloured=not base), rest),
+        ("diffuse", PrincipledBase(), base),
+        ("sheen", PrincipledSheen(), scaled["sheen"]),
+        ("specular", PrincipledSpecular("ggx", coloured=not base), []),
     ]
     if base:
-        parts.append(("metal", PrincipledMetal("ggx"), base + metal))
-        if metal:
-            parts.append(("edge", PrincipledSpecular("ggx", coloured=False), metal))
-    elif metal:
-        parts.append(("metal", PrincipledSpecular("ggx"), metal))
+        parts.append(("metal", PrincipledMetal("ggx"), base))
     parts.append(("coat", PrincipledCoat(), scaled["clearcoat"]))
     return [(name, model, tuple(factors)) for name, model, factors in parts]
 
@@ -124,11 +121,8 @@ def _links(source: Reader, layers: list[Layer]) -> tuple[Link, ...]:
     links = []
     for layer in layers:
         for name in (item.name for item in layer.model.parameters):
-            frozen = name == "metallic" and source.is_textured("metallic")
-            frozen |= textured and name in ("sheen_tint", "spec_tint")
-            frozen |= textured and name == "color" and layer.name in ("sheen", "specular", "edge")
-            # A metal has no index of refraction of its own, nor a tint
-            frozen |= layer.name in ("metal", "edge") and name in ("specular", "spec_tint")
+            frozen = textured and name in ("sheen_tint", "spec_tint")
+            frozen |= textured and name == "color" and layer.name in ("sheen", "specular")
             origin = layer.name if frozen else sources.get(name, layer.name)
             if frozen or origin != layer.name:
                 links.append(Link(layer.name, name, origin, name))
@@ -165,16 +159,19 @@ def edited(source: Reader, material: Material, state: MaterialState) -> dict[str
         float(state.layers["specular"].values["specular"]),  # type: ignore[arg-type]
         SMALLEST_SPECULAR,
     )
-    values["metallic"] = state.layers["specular"].values["metallic"]
-    values["roughness"] = state.layers["specular"].values["roughness"]
     result: dict[str, Any] = {"type": "principled"}
     names = ("roughness", "metallic", "specular", "spec_tint", "sheen", "sheen_tint")
     for name in (*names, "clearcoat", "clearcoat_gloss"):
-        if name != "specular" and source.is_textured(name):
-            if name in _SCALED and values[name] != 1:
+        if name in _PICTURED:
+            number = float(state.layers["specular"].values[name])  # type: ignore[arg-type]
+            picture = state.images.get(("specular", name))
+            result[name] = source.edited_number(name, number, picture)
+        elif name in _SCALED and source.is_textured(name):
+            if values[name] != 1:
                 raise Fixed(f"a scaled texture of {name}")
             result[name] = dict(source.texture(name))
         else:
             result[name] = float(values[name])
     colour = state.layers["diffuse"].values["color"]
-    return result | source.edited_colour("base_color", colour)  # type: ignore[arg-type]
+    picture = state.images.get(("diffuse", "color"))
+    return result | source.edited_colour("base_color", colour, picture)  # type: ignore[arg-type]

@@ -9,8 +9,10 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import RGB
+from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.layer import Material
 from burnish.materials.models.optics import Distribution
+from burnish.scene.images import described, image_of
 from burnish.scene.textures import Factor, product
 
 Description = Mapping[str, Any]
@@ -32,6 +34,7 @@ class Reader:
         self.description = description
         plugin = mi.load_dict(dict(description), optimize=False)
         self._values = mi.traverse(plugin)
+        self._images: dict[str, ImageMap] = {}
 
     def is_textured(self, name: str) -> bool:
         """Whether a colour varies over the surface."""
@@ -82,13 +85,41 @@ class Reader:
             return (1.0, 1.0, 1.0), True
         return self.colour(name), False
 
-    def edited_colour(self, name: str, colour: RGB) -> dict[str, Any]:
-        """The dictionary entry of a colour, or of its tinted texture."""
+    def image(self, name: str) -> ImageMap:
+        """The picture of a colour's texture. Raises Fixed."""
+        if name not in self._images:
+            self._images[name] = image_of(self.texture(name), colour=True)
+        return self._images[name]
+
+    def images(self, names: Mapping[Place, str]) -> dict[Place, ImageMap]:
+        """The pictures of those of some colours that are textured."""
+        return {place: self.image(name) for place, name in names.items() if self.is_textured(name)}
+
+    def varying(self, name: str) -> tuple[float, ImageMap | None]:
+        """A number, or the mean of its texture, and the picture of that. Raises Fixed."""
+        if not self.is_textured(name):
+            return self.scalar(name), None
+        if name not in self._images:
+            self._images[name] = image_of(self.texture(name), colour=False)
+        return self._images[name].mean[0], self._images[name]
+
+    def edited_number(self, name: str, value: float, image: ImageMap | None) -> Any:
+        """A number, or its texture: the plugin's own while that is what the picture shows."""
+        if image is None:
+            return value
+        return dict(self.texture(name)) if image == self._images.get(name) else described(image)
+
+    def edited_colour(self, name: str, colour: RGB, image: ImageMap | None) -> dict[str, Any]:
+        """The dictionary entry of a colour, or of its tinted picture."""
         if max(colour) > 1:
             raise Fixed("a Mitsuba colour ends at 1")
-        if not self.is_textured(name):
+        if image is None and name not in self._images and self.is_textured(name):
+            texture: Description = self.texture(name)
+        elif image is None:
             return {name: rgb(colour)}
-        texture = self.texture(name)
+        else:
+            own = image == self._images.get(name)
+            texture = self.texture(name) if own else described(image)
         if colour != (1.0, 1.0, 1.0):
             texture = product([Factor(texture), Factor(rgb(colour))])
         return {name: dict(texture)}

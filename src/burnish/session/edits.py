@@ -15,6 +15,7 @@ curves, `second_curve` (see `Curve`), `enabled` and `weight`; and, where it was 
 layer, with the values that it `started` with and those `kept` for other layers.
 An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
 are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
+A layer's `maps` are pictures in place of its parameters' values (see `mapentries`).
 `lights` holds what is set on lights or groups of them: {"lamp": {"intensity": 2.0, "position":
 [0, 2, 1]}, "environment": {"on": false}}.
 """
@@ -35,15 +36,16 @@ from burnish.materials.names import WEIGHT
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.registry import layer_from_json, layer_to_json
 from burnish.materials.two_curves import check_two_curves
+from burnish.session.mapentries import map_entries, scaled_to_values, with_maps
 from burnish.transport.basis import State
 
 FORMAT = "burnish-edits"
-VERSION = 3
-"""Written where a light has been moved, turned or replaced; with paint or mixed lights alone a
-file is version 2, and others stay version 1."""
+VERSION = 4
+"""Written where there are maps; with lights that have been moved, turned or replaced a file is
+version 3, with paint or mixed lights alone version 2, and others stay version 1."""
 
 Json = dict[str, Any]
-_ENTRIES = ("model", "parameters", "curve", "outgoing_curve", "enabled", "weight")
+_ENTRIES = ("model", "parameters", "maps", "curve", "outgoing_curve", "enabled", "weight")
 
 
 def edits_to_text(
@@ -66,6 +68,8 @@ def edits_to_text(
     own = {item.name for group in lights for item in group.parameters}
     version = 2 if painted or mixed else 1
     if any(own & entry.keys() for entry in mixed.values()):
+        version = 3
+    if any("maps" in item for entry in objects.values() for item in _layers_of(entry)):
         version = VERSION
     data = {"format": FORMAT, "version": version, "scene": scene, "objects": objects}
     if mixed:
@@ -132,10 +136,17 @@ def _lights(entries: object, lights: Sequence[LightGroup], where: str) -> dict[s
     return state
 
 
+def _layers_of(entry: Json) -> list[Json]:
+    return [item for item in entry.values() if isinstance(item, dict)]
+
+
 def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
     entry: Json = {}
     for name, layer in state.layers.items():
         changed = _layer_entry(layer, initial.layers[name])
+        maps = map_entries(name, state.images, initial.images)
+        if maps:
+            changed["maps"] = maps
         if layer.replacement is not None:
             changed = {"model": _model_entry(layer.replacement), **changed}
         if changed:
@@ -183,6 +194,7 @@ def _plain(values: Mapping[str, Value]) -> Json:
 
 def _edited(material: Material, entry: Mapping[str, Any], where: str) -> MaterialState:
     layers = dict(material.initial.layers)
+    images = material.initial.images
     conserve = material.initial.conserve
     strokes: tuple[Stroke, ...] = ()
     for name, changes in entry.items():
@@ -198,9 +210,15 @@ def _edited(material: Material, entry: Mapping[str, Any], where: str) -> Materia
         given = dict(_mapping(changes, field))
         if "model" in given:
             layers[name] = _with_model(material, name, given.pop("model"), f"{field}.model")
+        maps = _mapping(given.pop("maps", {}), f"{field}.maps")
         now = material.as_in(MaterialState(layers))
         layers[name] = _edited_layer(now, name, layers[name], given, field)
-    return MaterialState(layers, conserve, strokes)
+        state = MaterialState(layers, images=images)
+        values = given.get("parameters", {}).keys() - maps.keys()
+        state = scaled_to_values(now, state, name, dict.fromkeys(values))
+        state = with_maps(now, state, name, maps, f"{field}.maps")
+        layers, images = dict(state.layers), state.images
+    return MaterialState(layers, conserve, strokes, images)
 
 
 def _strokes(value: object, where: str) -> tuple[Stroke, ...]:

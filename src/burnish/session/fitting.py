@@ -198,11 +198,16 @@ def chosen_unknowns(
     Raises UnknownName, InvalidValue, TooLarge.
     """
     ids, state = _objects(session, objects, parameters), session.state
-    painted = [name for name, item in state.items() if item.strokes]
-    if painted:
+    varied = [
+        name
+        for name, item in state.items()
+        if (material := session.material(name)) is not None and material.varies(item)
+    ]
+    if varied:
         raise InvalidValue(
-            f"{', '.join(painted)} is painted, and a fit is of uniform materials: erase the paint "
-            'first, session.paint_whole("eraser", [...])'
+            f"{', '.join(varied)} is painted or has maps, and a fit is of uniform materials: erase "
+            'the paint first, session.paint_whole("eraser", [...]), and take the maps off, '
+            "session.clear_map(path)"
         )
     if session.light_mix.factors(state) is not None:
         raise InvalidValue(

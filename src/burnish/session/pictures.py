@@ -11,8 +11,9 @@ import numpy as np
 
 from burnish.core.errors import TooLarge
 from burnish.core.types import Float32, Int32
-from burnish.materials.layer import unpainted
+from burnish.materials.layer import Material, MaterialState, unpainted
 from burnish.materials.lights import mix, standing
+from burnish.materials.painting.canvas import Canvas
 from burnish.materials.painting.varied import VariedObject
 from burnish.runtime.drafts import Choice, Drafts
 from burnish.runtime.freeze import BakedTransport
@@ -23,10 +24,14 @@ from burnish.transport.basis import State
 from burnish.transport.frozen import Frozen, Transport
 from burnish.transport.pack import BlockSource
 
+_GRID = 32
+"""Points along u and v that stand for an object whose own rows a view does not have."""
+
 
 @dataclass(frozen=True)
 class _Frozen:
     targets: tuple[int, ...]
+    fine: tuple[int, ...]
     state: State
     revision: int
     frozen: Frozen
@@ -60,15 +65,34 @@ class ViewPictures:
         self._varied: dict[int, VariedObject] = {}
         self._map: tuple[int, Int32] | None = None
 
+    def _fine(self, targets: tuple[int, ...], state: State) -> tuple[int, ...]:
+        """Objects beside the targets whose rows differ, weight maps apart."""
+        traced = getattr(self.transport, "traces_the_scene", False)
+        return tuple(
+            i
+            for i, item in enumerate(self.transport.basis.objects)
+            if i not in targets
+            and item.material.varies(state[item.id])
+            and not (traced and state[item.id] == item.material.initial)
+        )
+
     def _freeze(self, targets: tuple[int, ...], state: State) -> _Frozen:
         """The form frozen for targets (rising indices), made again only where it must be."""
-        if self._frozen is None or not self._holds(self._frozen, targets, state):
+        fine = self._fine(targets, state)
+        if self._frozen is None or not self._holds(self._frozen, targets, fine, state):
             before = self._frozen
             spans = before.spans_so_far if before and before.targets == targets else {}
             # Let go of the old form first: two of them may not fit
             self._frozen = self._painted = self._drafts = before = None
-            frozen = self.transport.freeze(targets, unpainted(state))
-            self._frozen = _Frozen(targets, state, frozen.revision, frozen, spans)
+            plain = unpainted(state)
+            for i in fine:
+                item = self.transport.basis.objects[i]
+                found = self._varied_object(i, item.material, state[item.id])
+                if found is not None:
+                    plain[item.id] = found.at(state[item.id]).mean
+            more = (fine,) if fine else ()
+            frozen = self.transport.freeze(targets, plain, *more)
+            self._frozen = _Frozen(targets, fine, state, frozen.revision, frozen, spans)
         return self._frozen
 
     def renderer(self, targets: tuple[int, ...], state: State) -> Renderer:
@@ -78,31 +102,49 @@ class ViewPictures:
     def image(self, targets: tuple[int, ...], state: State) -> Float32:
         """The picture with the targets' materials and paint: float32 [height, width, 3].
 
-        An object that the view does not meet itself counts as unpainted.
+        An object that the view does not meet itself counts as unpainted, and its pictures by
+        their mean.
         """
         if self._only_lights_change(targets, state):
             targets = ()
         self._shown = state
         frozen = self._freeze(targets, state)
-        surfaces = {
-            i: self.surface(i)
-            for i in targets
-            if state[self.transport.basis.objects[i].id].strokes and len(self.surface(i).pixel)
-        }
-        if not surfaces:
-            return frozen.renderer.image(state)
-        painted = frozenset(surfaces)
+        rows: dict[int, PaintedRows] = {}
+        mixed: dict[str, MaterialState] = dict(state)
+        for i in (*targets, *frozen.fine):
+            item = frozen.frozen.basis.objects[i]
+            if not item.material.varies(state[item.id]):
+                continue
+            found = self._varied_object(i, item.material, state[item.id])
+            if found is None:
+                continue
+            if len(self.surface(i).pixel):
+                rows[i] = PaintedRows(self.surface(i).pixel, found.at(state[item.id]))
+            else:
+                mixed[item.id] = found.at(state[item.id]).mean
+        if not rows:
+            return frozen.renderer.image(mixed)
+        painted = frozenset(rows)
         if self._painted is None or self._painted.painted != painted:
             self._painted = PaintedRenderer(frozen.frozen, painted)
-        rows = {}
-        for i, surface in surfaces.items():
-            item = frozen.frozen.basis.objects[i]
-            known = self._varied.get(i)
-            if known is None or known.material is not item.material:
-                known = VariedObject(item.material, surface.canvas, surface.area)
-                self._varied[i] = known
-            rows[i] = PaintedRows(surface.pixel, known.at(state[item.id]))
-        return self._painted.image(state, rows)
+        return self._painted.image(mixed, rows)
+
+    def _varied_object(
+        self, index: int, material: Material, state: MaterialState
+    ) -> VariedObject | None:
+        """What an object is made of row by row; of points all over its pictures where the view
+        has no rows of it; None where then only strokes make it vary."""
+        surface = self.surface(index)
+        if not len(surface.pixel) and not state.images:
+            return None
+        known = self._varied.get(index)
+        if known is None or known.material is not material:
+            if len(surface.pixel):
+                known = VariedObject(material, surface.canvas, surface.area, surface.uv_points)
+            else:
+                known = _all_over(material)
+            self._varied[index] = known
+        return known
 
     def draft(self, targets: tuple[int, ...], state: State) -> tuple[Float32, bool, bool]:
         """`image`, or a draft of it where that is faster; whether it is exact up to rounding,
@@ -148,7 +190,10 @@ class ViewPictures:
     def ready(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether `renderer` answers at once; a live transport begins what it would wait for."""
         ready = getattr(self.transport, "ready", None)
-        return ready is None or bool(ready(targets, unpainted(state)))
+        if ready is None:
+            return True
+        every = tuple(sorted({*targets, *self._fine(targets, state)}))
+        return bool(ready(every, unpainted(state)))
 
     def _only_lights_change(self, targets: tuple[int, ...], state: State) -> bool:
         """Whether the mix of the lights is what is being edited: then it alone is symbolic."""
@@ -159,12 +204,16 @@ class ViewPictures:
             return False
         if any(shown[item.id] != state[item.id] for item in basis.objects):
             return False
-        if any(state[item.id].strokes for item in basis.objects):
+        if any(item.material.varies(state[item.id]) for item in basis.objects):
             return False
-        return not self._holds(frozen, targets, state)
+        return not self._holds(frozen, targets, frozen.fine, state)
 
-    def _holds(self, frozen: _Frozen, targets: tuple[int, ...], state: State) -> bool:
-        if frozen.targets != targets or frozen.revision != self.transport.revision:
+    def _holds(
+        self, frozen: _Frozen, targets: tuple[int, ...], fine: tuple[int, ...], state: State
+    ) -> bool:
+        if (frozen.targets, frozen.fine) != (targets, fine):
+            return False
+        if frozen.revision != self.transport.revision:
             return False
         relights = getattr(self.transport, "relights", False)
         if relights and standing(frozen.state) != standing(state):
@@ -192,3 +241,11 @@ class ViewPictures:
             flat[rows.pixel[order]] = rows.object[order]
             self._map = transport.revision, flat.reshape(transport.height, transport.width)
         return self._map[1]
+
+
+def _all_over(material: Material) -> VariedObject:
+    """An object that is seen alike all over its pictures, and where no stroke reaches."""
+    side = (np.arange(_GRID) + 0.5) / _GRID
+    uv = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 1, 2)
+    nowhere = np.full((len(uv), 3), np.nan, np.float32)
+    return VariedObject(material, Canvas(nowhere, nowhere), np.ones(len(uv)), uv)

@@ -37,6 +37,7 @@ from burnish.session.edits import edits_from_text, edits_to_text
 from burnish.session.history import History
 from burnish.session.lighting import Lighting, shown
 from burnish.session.lightmix import LightMix
+from burnish.session.mapping import MapEditing, own_maps
 from burnish.session.painting import BrushOptions, PaintStroke, paint_whole, painting
 from burnish.session.paths import resolve_layer
 from burnish.session.pictures import ViewPictures
@@ -61,7 +62,7 @@ class ObjectInfo:
     layers: tuple[Layer, ...] = ()
 
 
-class Session(Lighting, Drafting):
+class Session(Lighting, MapEditing, Drafting):
     """Edit the materials of a scene and see it.
 
     transports: one for each view, by name; stored blocks are frozen by `runtime.freeze`.
@@ -414,11 +415,15 @@ class Session(Lighting, Drafting):
             address = replace(resolve(materials, path), squared=False)
             material = materials[address.object]
             state = self._history.state[address.object]
-            original = address.read(material.initial)
-            self._change(address.object, address.write(material, state, original), label)
+            original = address.write(material, state, address.read(material.initial))
+            if not address.of_map:
+                original = own_maps(original, material, address.layer, address.parameter)
+            self._change(address.object, original, label)
             return
-        initial = self._materials[object_id].initial.layers[layer]
-        self._change_layer(path, label, **{name: getattr(initial, name) for name in vars(initial)})
+        own = self._materials[object_id]
+        state = own_maps(self._history.state[object_id], own, layer)
+        layers = {**state.layers, layer: own.initial.layers[layer]}
+        self._change(object_id, replace(state, layers=layers), label)
 
     def restore(self, state: State, label: str = "Restored a state") -> None:
         """Make a kept `state` the present one, as one step. Raises UnknownName, InvalidValue.
@@ -589,13 +594,8 @@ class Session(Lighting, Drafting):
     # -- inside -----------------------------------------------------------------------------
 
     def _targets(self) -> tuple[int, ...]:
-        """The selected objects and the painted ones, whose rows differ."""
-        state = self._history.state
-        return tuple(
-            i
-            for i, item in enumerate(self._basis.objects)
-            if item.id in self._selected or state[item.id].strokes
-        )
+        """The selected objects."""
+        return tuple(i for i, item in enumerate(self._basis.objects) if item.id in self._selected)
 
     def _current(self) -> dict[str, Material]:
         """The materials with the models that they have now."""

@@ -31,6 +31,7 @@ class Surface:
         self.position: Float32 = rows.position[own]
         self.normal: Float32 = rows.normal[own]
         self.uv: Float32 = rows.uv[own]
+        self.uv_points: Float32 = rows.select(own).uv_points
         self.weight: AnyArray = rows.weight[own]
         self.cos_theta_o: AnyArray = rows.cos_theta_o[own]
         self.canvas = Canvas(self.position, self.normal)

@@ -19,6 +19,7 @@ from burnish.transport.rows import Rows
 _ARRAYS = (
     "rows_index",
     "rows_geometry",
+    "rows_spread",
     "blocks",
     "block_rows",
     "column_scale",
@@ -34,16 +35,18 @@ def write_tile(folder: Path, tile: Tile) -> None:
     """Write a tile as a new Zarr group. Raises OSError.
 
     rows_index: int32 [r, 3], pixel, object, indirect. rows_geometry: float32 [r, 10],
-    weight, position, normal, uv, cos_theta_o. blocks: int32 [k, 7], object, indirect,
+    weight, position, normal, uv, cos_theta_o. rows_spread: float16 [fine rows, points, 2].
+    blocks: int32 [k, 7], object, indirect,
     first column, r, a, b, columns, pack after pack; the blocks' numbers follow in that
     order in block_rows, column_scale (once per pack), U, core and S as `Pack` has them,
     flattened.
     """
     rows, packs = tile.rows, packs_of(tile.blocks)
     geometry = np.column_stack([rows.weight, rows.position, rows.normal, rows.uv, rows.cos_theta_o])
-    arrays = {
+    arrays: dict[str, AnyArray] = {
         "rows_index": np.column_stack([rows.pixel, rows.object, rows.indirect]).astype(np.int32),
         "rows_geometry": geometry.astype(np.float32),
+        "rows_spread": rows.spread[~rows.indirect].astype(np.float16),
         "blocks": _concatenated([_table(pack) for pack in packs], np.int32).reshape(-1, 7),
         "block_rows": _concatenated([pack.rows for pack in packs], np.int32),
         "column_scale": _concatenated([pack.column_scale for pack in packs], np.float32),
@@ -84,7 +87,9 @@ def read_tile(folder: Path) -> tuple[Tile, list[Pack]]:
     """A tile without its blocks, and the blocks as packs. Raises BundleError."""
     try:
         group = zarr.open_group(folder, mode="r", zarr_format=3)
-        a = {name: _read(group, name, folder) for name in _ARRAYS}
+        # Bundles of earlier versions know the rows' mean alone
+        names = [name for name in _ARRAYS if name != "rows_spread" or name in group]
+        a = {name: _read(group, name, folder) for name in names}
         attributes: dict[str, Any] = dict(group.attrs)
         index, geometry = a["rows_index"], a["rows_geometry"]
         rows = Rows(
@@ -97,6 +102,8 @@ def read_tile(folder: Path) -> tuple[Tile, list[Pack]]:
             uv=geometry[:, 7:9],
             cos_theta_o=np.ascontiguousarray(geometry[:, 9]),
         )
+        if "rows_spread" in a:
+            rows.spread[~rows.indirect] = a["rows_spread"]
         tile = Tile(
             x=attributes["x"],
             y=attributes["y"],

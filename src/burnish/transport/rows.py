@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Int32
+
+POINTS = 16
+"""Points of a row at which pictures on its surface are looked up."""
 
 
 @dataclass
@@ -21,6 +24,8 @@ class Rows:
       weight: float32 [r], the share of the pixel's filter that meets the object.
       position, normal: float32 [r, 3], world space; uv: float32 [r, 2]; means over the row.
       cos_theta_o: float32 [r], mean cosine of the outgoing angle, 0 to 1.
+      spread: float16 [r, POINTS, 2], where in uv the row's points lie, relative to its mean;
+        zeros where only the mean is known.
     """
 
     pixel: Int32
@@ -31,6 +36,16 @@ class Rows:
     normal: Float32
     uv: Float32
     cos_theta_o: Float32
+    spread: AnyArray = field(default_factory=lambda: np.zeros(0, np.float16))
+
+    def __post_init__(self) -> None:
+        if self.spread.ndim != 3:
+            self.spread = np.zeros((len(self.pixel), POINTS, 2), np.float16)
+
+    @property
+    def uv_points(self) -> Float32:
+        """uv of the rows' points: float32 [r, POINTS, 2]."""
+        return np.asarray(self.uv[:, None] + self.spread.astype(np.float32))
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -72,4 +87,5 @@ ROW_FIELDS = (
     "normal",
     "uv",
     "cos_theta_o",
+    "spread",
 )

@@ -105,7 +105,7 @@ def _plain(material: Material, state: MaterialState) -> list[MaterialState]:
         for name, layer in material.initial.layers.items()
         if name not in bare
     }
-    return [MaterialState({**layers, **rest}) for layers in (bare, scaled)]
+    return [MaterialState({**layers, **rest}, images=state.images) for layers in (bare, scaled)]
 
 
 # -- the fit --------------------------------------------------------------------------------

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from burnish.core.types import Float32, Float64, Int64
+from burnish.materials.images.image import Place
 from burnish.materials.painting.stroke import WEIGHT, Dab, Edit, Stroke
 
-Place = tuple[str, str]
-"""(layer, parameter)."""
 MAXIMUM_WEIGHT = 100.0
 _RUN = 8
 """Dabs that are sought together: their box holds few points beside theirs."""

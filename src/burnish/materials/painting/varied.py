@@ -1,11 +1,13 @@
 """A material whose parameters vary over the surface: what it is made of, row by row.
 
-Each painted parameter has nodes, values between which a lobe changes little. A row's material
-is a mixture of the nodes about its own values, by cubic interpolation, and its light is the
-same mixture of the light of uniform materials: light is linear in the coefficients, so this
-renders interpolated coefficients through the basis, for any model (2015 looks up pre-rendered
-images). Values that whole areas have, what the material itself has and what strokes set, are
-nodes of their own: there a row is that uniform material, exactly.
+Parameters vary by strokes and by pictures (`materials.images`), whose points in a row each
+count for themselves: a row's coefficients are the mean of theirs. Each varying parameter has
+nodes, values between which a lobe changes little. A row's material is a mixture of the nodes
+about its own values, by cubic interpolation, and its light is the same mixture of the light of
+uniform materials: light is linear in the coefficients, so this renders interpolated coefficients
+through the basis, for any model (2015 looks up pre-rendered images). Values that whole areas
+have, what the material itself has and what strokes set, are nodes of their own: there a row is
+that uniform material, exactly.
 
 A colour that multiplies is a factor, as a weight is. Other colours whose channels do not mix are
 one axis with a value of its own per channel, exact where coefficients are affine in them; the
@@ -20,17 +22,24 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from burnish.core.types import Float32, Float64, Int32, Int64, Value
+from burnish.core.errors import TooLarge
+from burnish.core.types import AnyArray, Float32, Float64, Int32, Int64, Value
 from burnish.materials.coefficients import albedo, coarse_coefficients, coefficients, outgoing
+from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
-from burnish.materials.painting.canvas import MAXIMUM_WEIGHT, Canvas, PaintedMap, Place
-from burnish.materials.painting.stroke import WEIGHT, Stroke
+from burnish.materials.painting.canvas import MAXIMUM_WEIGHT, Canvas, PaintedMap
+from burnish.materials.painting.stroke import WEIGHT
 from burnish.materials.parameter import Parameter
 from burnish.materials.travel import Travel
 
 NODES = 65
 """Of a scalar; about 11 % apart for a roughness, 14 % for an exponent."""
 COLOUR_NODES = 33
+_DARKEST = 1e-3
+"""Of a weight map: what is darker is not told apart when another picture takes its place."""
+_CHUNK = 4096
+"""Rows whose points are shared out among nodes at a time."""
+_MOST_SHARES = 1 << 28
 
 
 Node = tuple[tuple[Place, Value], ...]
@@ -134,8 +143,11 @@ class VariedLayer:
         return self.table.layer
 
     def histogram(self, area: Float64) -> Float64:
-        """What share of Σ area · factor each node has: float64 [nodes, 3 or 1]."""
-        weighted = area[:, None] * self.factor
+        """What share of Σ area · factor each node has: float64 [nodes, 3 or 1].
+
+        area: float64 [r] or [r, 3].
+        """
+        weighted = area.reshape(len(area), -1) * self.factor
         channels = max(self.index.shape[2], weighted.shape[1])
         result = np.zeros((len(self.nodes), channels))
         for k in range(self.index.shape[1]):
@@ -157,16 +169,25 @@ class VariedMaterial:
 class VariedObject:
     """From an object's canvas and state to the numbers of its rows.
 
-    area: float64 [n], the visible area of each row.
+    area: float64 [n], the visible area of each row. uv: [n, points, 2], where pictures are
+    looked up; needed where there are any.
     """
 
-    def __init__(self, material: Material, canvas: Canvas, area: Float64) -> None:
+    def __init__(
+        self,
+        material: Material,
+        canvas: Canvas,
+        area: Float64,
+        uv: AnyArray | None = None,
+    ) -> None:
         self.material, self.canvas = material, canvas
+        self.uv = np.zeros((len(area), 1, 2), np.float32) if uv is None else uv
         total = float(area.sum())
         self.area = area / total if total > 0 else np.full(len(area), 1 / max(len(area), 1))
         self._tables = {layer.name: VariedTable(material, layer) for layer in material.layers}
         self._multipliers: dict[tuple[str, int, Place], bool] = {}
         self._known: tuple[MaterialState, VariedMaterial] | None = None
+        self._pictures: dict[Place, tuple[ImageMap, Float32]] = {}
 
     def at(self, state: MaterialState) -> VariedMaterial:
         """The numbers for a state, strokes included; kept while the state stays the same."""
@@ -176,31 +197,75 @@ class VariedObject:
         return self._known[1]
 
     def _varied(self, state: MaterialState) -> VariedMaterial:
-        values = {
-            place: painted_values(self.material, state, place, item)
-            for place, item in self.canvas.maps.items()
-            if place[1] != WEIGHT and self._has(place)
-        }
-        plain = replace(state, strokes=(), conserve=False)
+        values, ratios = self._values(state)
+        plain = replace(state, strokes=(), images={}, conserve=False)
         layers = []
         for layer in self.material.layers:
             table = self._tables[layer.name]
             table.begin(plain, values)
             factor = np.ones((len(self.area), 1), np.float32)
+            for place, ratio in ratios.items():
+                if layer.group and self._concerns(layer, place):
+                    factor = factor * ratio
             axes: list[_Axis] = []
             for place in values:
                 if not self._concerns(layer, place):
                     continue
                 unit = self._unit(table, place)
                 if unit is None:
-                    axes += self._axes(table, place, values[place], plain, state.strokes)
+                    axes += self._axes(table, place, values[place], state)
                 else:
-                    factor = factor * (values[place][:-1] / unit).astype(np.float32)
+                    mean = values[place].mean(axis=1) / unit
+                    factor = factor * mean.astype(np.float32)
                     table.hold(place, (unit, unit, unit))
-            layers.append(self._layer(table, axes, factor))
+            layers.append(self._layer(table, axes, factor, self._importance(layer, state)))
         if state.conserve:
             layers = _conserved(layers)
         return VariedMaterial(tuple(layers), self._mean(state, layers))
+
+    def _values(self, state: MaterialState) -> tuple[dict[Place, Float64], dict[Place, Float32]]:
+        """What varies: values [n, points, 1 or 3] by place; and of pictures that are part of
+        weight maps, by what the present one differs from it, a factor [n, 3]."""
+        places = {place for place in self.canvas.maps if place[1] != WEIGHT}
+        shown = {place: found for place, found in state.images.items() if self._has(place)}
+        values: dict[Place, Float64] = {}
+        ratios: dict[Place, Float32] = {}
+        for place in self.material.initial.images:
+            own = self.material.inherent(place)
+            if own is None or shown.get(place) == own:
+                shown.pop(place, None) if own is not None else None
+                continue
+            before = np.maximum(self._picture(place, own).mean(axis=1), _DARKEST)
+            now = shown.pop(place, None)
+            after = np.ones(1) if now is None else self._picture(place, now, now.scale, now.offset)
+            after = np.maximum(after, 0).mean(axis=1) if now is not None else after
+            ratios[place] = np.asarray(after / before, np.float32)
+        for place in sorted({*places, *shown}):
+            if not self._has(place):
+                continue
+            image, item = shown.get(place), self.canvas.maps.get(place)
+            if image is None:
+                assert item is not None
+                values[place] = painted_values(self.material, state, place, item)[:-1, None]
+                continue
+            seen = self._picture(place, image, image.scale, image.offset).astype(np.float64)
+            base = pictured(self.material, state, place, seen)
+            values[place] = base if item is None else painted_over(self.material, place, item, base)
+        return values, ratios
+
+    def _picture(
+        self, place: Place, image: ImageMap, scale: float = 1.0, offset: float = 0.0
+    ) -> Float32:
+        """scale · picture + offset at the rows' points: float32 [n, points, 1 or 3]."""
+        key, raw = replace(image, scale=1.0, offset=0.0), None
+        known = self._pictures.get(place)
+        if known is not None and known[0] == key:
+            raw = known[1]
+        if raw is None:
+            raw = image.raw(self.uv)
+            if image != self.material.inherent(place):
+                self._pictures[place] = key, raw
+        return np.asarray(raw * np.float32(scale) + np.float32(offset))
 
     def _has(self, place: Place) -> bool:
         """Whether the material has a painted parameter: it may have got another model since."""
@@ -233,48 +298,75 @@ class VariedObject:
         place: Place,
         own: Float64,
         state: MaterialState,
-        strokes: Iterable[Stroke],
     ) -> list[_Axis]:
+        """own: float64 [n, points, 1 or 3]."""
         parameter = self.material.layer(place[0]).parameter(place[1])
-        exact = _exact_values(self.material, state, place, own, strokes)
+        item = self.canvas.maps.get(place)
+        exact = _exact_values(self.material, state, place, item)
         if parameter.kind != "colour":
             travel = Travel(parameter)
             position = travel.position(NODES)
             nodes = travel.nodes(NODES)
-            return [_Axis(place, None, nodes, exact[:, 0], own[:-1], position, True)]
+            linear = _is_linear(table, place, parameter, alone=True)
+            if linear:
+                nodes, position = _even(parameter.minimum, parameter.maximum, 2)
+            special = np.zeros(0) if linear else exact[:, 0]
+            return [_Axis(place, None, nodes, special, own, position, not linear)]
         low, high = parameter.minimum, parameter.maximum
         if _channels_apart(table, place, parameter):
             linear = _is_linear(table, place, parameter)
             count = 2 if linear else COLOUR_NODES
             nodes, position = _even(low, high, count)
             special = np.zeros(0) if linear else np.unique(exact)
-            return [_Axis(place, None, nodes, special, own[:-1], position, not linear)]
+            return [_Axis(place, None, nodes, special, own, position, not linear)]
         nodes, position = _even(low, high, COLOUR_NODES)
         return [
-            _Axis(place, h, nodes, exact[:, h], own[:-1, h : h + 1], position, False)
+            _Axis(place, h, nodes, exact[:, h], own[..., h : h + 1], position, False)
             for h in range(3)
         ]
 
-    def _layer(self, table: VariedTable, axes: list[_Axis], factor: Float32) -> VariedLayer:
+    def _importance(self, layer: Layer, state: MaterialState) -> Float32 | None:
+        """How much the points of a row count in a layer: its weight map, where that is known.
+
+        float32 [n, points], 1 in the mean of each row. So dark parts of a row, in whose light
+        a layer has no part, do not lend it their roughness.
+        """
+        for place in self.material.initial.images:
+            own = self.material.inherent(place)
+            if own is None or layer.group != self.material.layer(place[0]).group:
+                continue
+            shown = state.images.get(place)
+            if shown is None:
+                return None
+            seen = self._picture(place, shown, shown.scale, shown.offset).mean(axis=2)
+            seen = np.maximum(seen, _DARKEST)
+            return np.asarray(seen / seen.mean(axis=1, keepdims=True), np.float32)
+        return None
+
+    def _layer(
+        self,
+        table: VariedTable,
+        axes: list[_Axis],
+        factor: Float32,
+        importance: Float32 | None,
+    ) -> VariedLayer:
         count = len(self.area)
         painted = self.canvas.maps.get((table.layer.name, WEIGHT))
         if painted is not None:
             factor = factor * painted_weights(painted)[:-1, None]
-        index = np.zeros((count, 1, 1), np.int64)
-        share = np.ones((count, 1, 1), np.float32)
-        for axis in axes:
-            # Corners of the axes so far, times this one's
-            more, part = axis.corners()
-            corners = index[:, :, None] * len(axis.all_nodes) + more[:, None]
-            index = corners.reshape(count, -1, corners.shape[3])
-            share = (share[:, :, None] * part[:, None]).reshape(index.shape)
-        keys, places = _distinct(index, int(np.prod([len(axis.all_nodes) for axis in axes])))
+        if any(axis.values.shape[1] > 1 for axis in axes):
+            keys, places, share = _shared_out(axes, count, importance)
+        else:
+            index, share = _joint(axes, slice(None), count)
+            keys, places = _distinct(index[:, 0], int(np.prod([axis.size for axis in axes])))
+            share = share[:, 0]
         nodes = tuple(_node(axes, int(key)) for key in keys)
         return VariedLayer(table, table.version, nodes, places, share, factor)
 
     def _mean(self, state: MaterialState, layers: list[VariedLayer]) -> Mixture:
         groups = self.material.groups
-        parts = [item.histogram(self.area) for item in layers]
+        seen = self._areas(groups)
+        parts = [item.histogram(seen[item.layer.group]) for item in layers]
         albedos = np.zeros((len(groups), 3))
         for item, part in zip(layers, parts, strict=True):
             d = item.table.albedos(item.nodes)
@@ -291,7 +383,22 @@ class VariedObject:
                 ]
             )
 
-        return Mixture(state.layers, state.conserve, state.strokes, albedos, coarse)
+        return Mixture(state.layers, state.conserve, state.strokes, state.images, albedos, coarse)
+
+    def _areas(self, groups: Iterable[str]) -> dict[str, Float64]:
+        """By group the rows' shares of what is seen, times H over its mean: float64 [n, 1 or 3].
+
+        Later encounters see H itself, and d is to be what it leaves.
+        """
+        result = dict.fromkeys(groups, self.area[:, None])
+        for place in self.material.initial.images:
+            own = self.material.inherent(place)
+            if own is None:
+                continue
+            h = np.maximum(self._picture(place, own).mean(axis=1, dtype=np.float64), _DARKEST)
+            weighted = self.area[:, None] * h
+            result[self.material.layer(place[0]).group] = weighted / weighted.sum(axis=0)
+        return result
 
 
 def interpolation(parameter: Parameter, values: Float64) -> tuple[Int64, Float32, Float64]:
@@ -300,12 +407,12 @@ def interpolation(parameter: Parameter, values: Float64) -> tuple[Int64, Float32
     values: float64 [m]; gives int [m, 4], float32 [m, 4] and float64 [nodes].
     """
     travel = Travel(parameter)
-    own = np.asarray(values, np.float64)[:, None]
+    own = np.asarray(values, np.float64)[:, None, None]
     axis = _Axis(
         ("", ""), None, travel.nodes(NODES), np.zeros(0), own, travel.position(NODES), True
     )
-    index, share = axis.corners()
-    return index[:, :, 0], share[:, :, 0], axis.all_nodes
+    index, share = axis.corners(slice(None))
+    return index[:, 0, :, 0], share[:, 0, :, 0], axis.all_nodes
 
 
 def painted_values(
@@ -328,6 +435,30 @@ def painted_values(
     return np.asarray(np.where(untouched[:, None], base, values))
 
 
+def pictured(material: Material, state: MaterialState, place: Place, seen: Float64) -> Float64:
+    """A parameter's values where a picture shows [..., 1 or 3], inside its limits.
+
+    A colour is tinted by the parameter's own value.
+    """
+    parameter = material.layer(place[0]).parameter(place[1])
+    if parameter.kind == "colour":
+        tint = np.asarray(state.layers[place[0]].values[place[1]], np.float64)
+        return np.clip(seen * tint, parameter.minimum, parameter.maximum)
+    travel = Travel(parameter)
+    return np.asarray(np.clip(seen.mean(axis=-1, keepdims=True), travel.low, travel.high))
+
+
+def painted_over(material: Material, place: Place, item: PaintedMap, base: Float64) -> Float64:
+    """Strokes over a picture's values [n, points, 1 or 3]."""
+    parameter = material.layer(place[0]).parameter(place[1])
+    scale = item.scale[:-1].astype(np.float64)[:, None, None]
+    shift = item.shift[:-1].astype(np.float64)[:, None]
+    if parameter.kind == "colour":
+        return np.clip(scale * base + shift, parameter.minimum, parameter.maximum)
+    travel = Travel(parameter)
+    return np.asarray(travel.at(scale * travel.of(base) + shift))
+
+
 def painted_weights(item: PaintedMap) -> Float32:
     """H at a map's entries: float32 [n + 1]."""
     weights = np.clip(item.scale + item.shift[:, 0], 0, np.float32(MAXIMUM_WEIGHT))
@@ -339,8 +470,8 @@ class _Axis:
     """A painted number: regular nodes, values that are nodes of their own, and each row's.
 
     channel: the channel of a colour whose channels mix, else None. nodes: as many as `position`
-    tells apart. values: float64 [r, 1 or 3]. position: from values to places among the nodes,
-    0 to len(nodes) - 1. cubic: interpolate between four nodes, else between two.
+    tells apart. values: float64 [r, points, 1 or 3]. position: from values to places among the
+    nodes, 0 to len(nodes) - 1. cubic: interpolate between four nodes, else between two.
     """
 
     place: Place
@@ -355,14 +486,20 @@ class _Axis:
     def all_nodes(self) -> Float64:
         return np.concatenate([self.nodes, np.unique(self.special)])
 
-    def corners(self) -> tuple[Int64, Float32]:
-        """The nodes about each value and their shares: [r, 2 or 4, 1 or 3] each.
+    @property
+    def size(self) -> int:
+        return len(self.all_nodes)
+
+    def corners(self, rows: slice) -> tuple[Int64, Float32]:
+        """The nodes about each value and their shares: [r, points, 2 or 4, 1 or 3] each.
 
         Nodes without a share repeat one that has some.
         """
-        values = self.values
+        values = self.values[rows]
+        r, points, channels = values.shape
+        values = values.reshape(-1, channels)
         count = 4 if self.cubic else 2
-        index = np.zeros((len(values), count, values.shape[1]), np.int64)
+        index = np.zeros((len(values), count, channels), np.int64)
         share = np.zeros(index.shape, np.float32)
         exact = np.unique(self.special)
         between = np.ones(values.shape, np.bool_)
@@ -373,7 +510,8 @@ class _Axis:
             share[:, 0] = 1.0
         row, channel = np.nonzero(between)
         index[row, :, channel], share[row, :, channel] = self._between(values[between])
-        return index, share
+        shape = r, points, count, channels
+        return index.reshape(shape), share.reshape(shape)
 
     def _between(self, values: Float64) -> tuple[Int64, Float64]:
         """Regular nodes about values and their shares: [m, 2 or 4] each."""
@@ -391,6 +529,64 @@ class _Axis:
         index = first[:, None] + np.arange(len(shares))
         largest = np.take_along_axis(index, np.abs(share).argmax(axis=1)[:, None], axis=1)
         return np.where(share == 0, largest, index), share
+
+
+def _joint(axes: Sequence[_Axis], rows: slice, count: int) -> tuple[Int64, Float32]:
+    """Combinations of all axes' nodes and their shares: [r, points, corners, 1 or 3] each."""
+    index = np.zeros((len(range(count)[rows]), 1, 1, 1), np.int64)
+    share = np.ones(index.shape, np.float32)
+    for axis in axes:
+        # Corners of the axes so far, times this one's
+        more, part = axis.corners(rows)
+        joint = index[:, :, :, None] * axis.size + more[:, :, None]
+        r, points, _, _, channels = joint.shape
+        index = joint.reshape(r, points, -1, channels)
+        share = (share[:, :, :, None] * part[:, :, None]).reshape(index.shape)
+    return index, share
+
+
+def _shared_out(
+    axes: Sequence[_Axis], count: int, importance: Float32 | None
+) -> tuple[Int64, Int32, Float32]:
+    """The nodes that the points of the rows have, and each row's mean shares of all of them.
+
+    importance: what each point counts, float32 [r, points]; alike without it.
+    Gives keys [q], places int32 [r, q, 1] and shares float32 [r, q, 1 or 3].
+    Raises TooLarge.
+    """
+    size = int(np.prod([axis.size for axis in axes]))
+    parts: list[tuple[Int64, Float32]] = []
+    used = np.zeros(size, np.bool_)
+    for start in range(0, count, _CHUNK):
+        rows = slice(start, min(start + _CHUNK, count))
+        index, share = _joint(axes, rows, count)
+        r, points, _, channels = index.shape
+        if importance is not None:
+            share = share * importance[rows, :, None, None]
+        first = size * np.arange(r).reshape(-1, 1, 1)
+        dense = np.stack(
+            [
+                np.bincount((first + index[..., h]).ravel(), share[..., h].ravel(), r * size)
+                for h in range(channels)
+            ],
+            axis=1,
+        ).reshape(r, size, channels)
+        own = np.flatnonzero(np.abs(dense).any(axis=(0, 2)))
+        used[own] = True
+        parts.append((own, (dense[:, own] / points).astype(np.float32)))
+    keys = np.flatnonzero(used)
+    channels = parts[0][1].shape[2] if parts else 1
+    if count * len(keys) * channels > _MOST_SHARES:
+        raise TooLarge(
+            "so many maps on one object at a time do not fit; take one off, or make the picture "
+            "smaller"
+        )
+    shares = np.zeros((count, len(keys), channels), np.float32)
+    for number, (own, part) in enumerate(parts):
+        start = number * _CHUNK
+        shares[start : start + len(part), np.searchsorted(keys, own)] = part
+    places = np.broadcast_to(np.arange(len(keys), dtype=np.int32)[:, None], (count, len(keys), 1))
+    return keys, places, shares
 
 
 def _even(low: float, high: float, count: int) -> tuple[Float64, Callable[[Float64], Float64]]:
@@ -426,26 +622,27 @@ def _node(axes: list[_Axis], key: int) -> Node:
 
 
 def _exact_values(
-    material: Material,
-    state: MaterialState,
-    place: Place,
-    values: Float64,
-    strokes: Iterable[Stroke],
+    material: Material, state: MaterialState, place: Place, item: PaintedMap | None
 ) -> Float64:
     """Values that whole areas have: the untouched one, what fills made of it, what was set."""
     targets = {
         edit.value
-        for stroke in strokes
+        for stroke in state.strokes
         for edit in stroke.edits
         if edit.kind == "set" and (edit.layer, edit.parameter) == place
     }
     base = np.atleast_1d(np.asarray(state.layers[place[0]].values[place[1]], np.float64))
-    found = [np.broadcast_to(base, values[-1].shape), values[-1]]
+    found = []
+    if item is not None:
+        found.append(painted_values(material, state, place, item)[-1])
+    if place not in state.images:
+        found.append(np.broadcast_to(base, (3,) if len(base) == 3 else (1,)))
     if targets:
         shift = np.array(sorted(targets), np.float32)
-        item = PaintedMap(np.zeros(len(shift), np.float32), shift)
-        found += list(painted_values(material, state, place, item))
-    return np.stack(found)
+        flat = PaintedMap(np.zeros(len(shift), np.float32), shift)
+        found += list(painted_values(material, state, place, flat))
+    width = 3 if material.layer(place[0]).parameter(place[1]).kind == "colour" else 1
+    return np.stack(found) if found else np.zeros((0, width))
 
 
 def _multiplies(table: VariedTable, place: Place, parameter: Parameter) -> bool:
@@ -474,12 +671,22 @@ def _channels_apart(table: VariedTable, place: Place, parameter: Parameter) -> b
     return bool(np.allclose(together, own, rtol=1e-9, atol=1e-12))
 
 
-def _is_linear(table: VariedTable, place: Place, parameter: Parameter) -> bool:
-    """Whether coefficients are an affine function of a colour."""
+def _is_linear(table: VariedTable, place: Place, parameter: Parameter, alone: bool = False) -> bool:
+    """Whether coefficients are an affine function of a parameter.
+
+    alone: and s(θo) does not know it.
+    """
     low, high = parameter.minimum, parameter.maximum
     at = [low + share * (high - low) for share in (0.0, 0.3, 0.5, 1.0)]
-    c = np.stack([table.coefficients(((place, (x, x, x)),)) for x in at])
+    nodes: list[Node] = [((place, (x, x, x) if parameter.kind == "colour" else x),) for x in at]
+    c = np.stack([table.coefficients(node) for node in nodes])
     size = float(np.abs(c).max())
+    if alone:
+        cosines = np.linspace(0.05, 1.0, 9)
+        found = [table.outgoing(node, cosines, False) for node in nodes]
+        factors = [np.ones((1, 1)) if f is None else f for f in found]
+        if not all(np.allclose(f, factors[0], rtol=1e-9) for f in factors):
+            return False
     return all(
         np.allclose(c[k], c[0] + share * (c[3] - c[0]), rtol=1e-9, atol=1e-12 * size)
         for k, share in ((1, 0.3), (2, 0.5))
