@@ -14,10 +14,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from burnish.core.types import Float32, Float64
+from burnish.core.types import Float32, Float64, Int64
 from burnish.precompute.accumulate import Accumulator, Layout
 from burnish.precompute.bake import ViewPlan, drop_unused, strata, tile_seed
-from burnish.precompute.direct.gather import ObjectLight
+from burnish.precompute.direct.gather import Mirror, ObjectLight
 from burnish.precompute.direct.lights import Lights, LightTables, find_lights
 from burnish.precompute.direct.points import RowPoints, find_points
 from burnish.precompute.tracer import CELL
@@ -27,8 +27,16 @@ from burnish.transport.block import Block, Tile
 from burnish.transport.compression import compress_tile
 from burnish.transport.rows import Rows
 
-TRIANGLES = 4000
 POINTS = 4
+
+NEAR = 0.35
+"""Radians around the mirror direction of a curved row in which all its points gather light."""
+
+SMALLEST = 2e-6
+"""Steradians of a piece that is not split any more, whatever a coordinate does in it."""
+
+FINENESS = 0.3
+"""The same as a length, over the spread of a row's normals: its points blur what is finer."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,7 @@ def gather_tile(
     traced = Accumulator(tracer, rectangle, rows)
     for index, samples in enumerate(strata(spp)):
         traced.run(samples, tile_seed(seed, plan.name, number, index), plan.largest)
-    layout, basis = traced.layout, tracer.basis
+    layout, basis = Layout.of(tracer, rows), tracer.basis
     fixed, emission = traced.image(traced.target.fixed), traced.image(traced.target.emission)
     mirrors = _mirrors(traced)
     lost, samples = int(np.array(traced.target.lost)[0]), traced.samples
@@ -86,12 +94,10 @@ def gather_tile(
     dr.make_opaque(buffer)
     _gather(direct, plan, rows, layout, where, buffer, points_seed, report)
     blocks: list[Block] = []
-    share = where.share
-    share[where.found] /= where.count[:, None, None]
     values = np.array(buffer, copy=False)[: layout.values * CELL]
     for run, T, mirror in zip(layout.runs, layout.split(values), mirrors, strict=True):
         if not run.indirect:
-            _finish(T, basis, run.object, share[run.start : run.stop], mirror)
+            _finish(T, basis, run.object, where.share[run.start : run.stop], mirror)
         which = np.arange(run.start, run.stop, dtype=np.int32)
         blocks += compress_tile(T, rows, which, tracer.view.width, basis, tolerance)
     kept, blocks = drop_unused(rows, blocks)
@@ -125,9 +131,24 @@ def _gather(
                 mi.UInt32(layout.offsets[where.found[here]].astype(np.uint32)),
                 mi.Point3f(np.ascontiguousarray(where.origin[ray].T)),
                 mi.Vector3f(np.ascontiguousarray(where.direction[ray].T)),
+                _mirror(direct, where, here, k),
                 k,
                 seed,
             )
+
+
+def _mirror(direct: DirectPlan, where: RowPoints, here: Int64, k: int) -> Mirror:
+    """Which lights the rows `here` of `where` gather at their k-th points, and how finely."""
+    spread = where.spread[here]
+    curved = where.count[here] > direct.points
+    angle = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
+    return Mirror(
+        mi.Vector3f(np.ascontiguousarray(where.mirror[here].T)),
+        mi.Float(np.cos(angle).astype(np.float32)),
+        mi.Float((1 / where.count[here]).astype(np.float32)),
+        mi.Float(np.full(len(here), 1 / direct.points if k < direct.points else 0, np.float32)),
+        mi.Float(np.maximum((FINENESS * spread) ** 2, SMALLEST).astype(np.float32)),
+    )
 
 
 def _mirrors(traced: Accumulator) -> list[dict[int, Float32]]:

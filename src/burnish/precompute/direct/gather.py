@@ -8,6 +8,7 @@ a launch share a row, so nothing need be atomic.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -20,14 +21,37 @@ from burnish.precompute.tracer import CELL, Tracer
 BEND = 0.5
 """Bins by which a coordinate may be bent over a triangle before it is split."""
 
-SMALLEST = 2e-6
-"""Steradians of a piece that is not split any more, whatever a coordinate does in it."""
-
 LARGEST = 0.04
 """Steradians of a piece that is always split: cosine, quotient and shadow vary over it."""
 
 GOLDEN = (0.7548776662466927, 0.5698402909980532)
 """Steps of the plane's most even additive sequence (Roberts 2018)."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """What each row's mirror direction asks for; arrays of the device over rows.
+
+    direction: where the row's mean normal mirrors the eye to, world space. cosine: of the angle
+    around it inside which lights are near. near, far: what the light of near and other lights
+    is times at this point; 0 where it is not gathered. smallest: steradians of a piece that is
+    not split any more, whatever a coordinate does in it.
+    """
+
+    direction: Any
+    cosine: Any
+    near: Any
+    far: Any
+    smallest: Any
+
+    def weight(self, centre: Any, cosine: Any) -> Any:
+        """near or far, for lights with these centres and the cosines of their radii; what is at
+        hand has cosine -1, and is near."""
+        sines = dr.safe_sqrt(1 - dr.square(self.cosine)) * dr.safe_sqrt(1 - dr.square(cosine))
+        # The sum of both angles may exceed 180 degrees: then everything is near
+        wide = self.cosine + cosine < 0
+        near = wide | (dr.dot(centre, self.direction) > self.cosine * cosine - sines)
+        return dr.select(near, self.near, self.far)
 
 
 class ObjectLight:
@@ -45,7 +69,14 @@ class ObjectLight:
         self.summed = [band.plain and not tracer.basis.lights for band in self.bands]
 
     def add(
-        self, target: Any, offsets: Any, origin: Any, direction: Any, number: int, seed: int
+        self,
+        target: Any,
+        offsets: Any,
+        origin: Any,
+        direction: Any,
+        mirror: Mirror,
+        number: int,
+        seed: int,
     ) -> None:
         """Add the light at one point of each row to `target`, float [values · CELL].
 
@@ -61,18 +92,42 @@ class ObjectLight:
         shifts = tuple(dr.opaque(mi.Float, (number * step) % 1.0) for step in GOLDEN)
         seeds = dr.arange(mi.UInt32, dr.width(offsets)) + dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         if self.tables.any_triangles:
-            self._triangles(target, offsets, si, frame, active, seeds, shifts)
+            self._triangles(target, offsets, si, frame, mirror, active, seeds, shifts)
             dr.eval(target)
         if self.tables.any_strata:
-            self._strata(target, offsets, si, frame, active, seeds, shifts)
+            self._strata(target, offsets, si, frame, mirror, active, seeds, shifts)
             dr.eval(target)
 
     # -- triangles ------------------------------------------------------------------------
 
     def _triangles(
-        self, target: Any, offsets: Any, si: Any, frame: Any, active: Any, seeds: Any, shifts: Any
+        self,
+        target: Any,
+        offsets: Any,
+        si: Any,
+        frame: Any,
+        mirror: Mirror,
+        active: Any,
+        seeds: Any,
+        shifts: Any,
     ) -> None:
         t, scene = self.tables, self.tracer.scene.mi_scene
+        normal = si.to_world(frame.to_shading(mi.Vector3f(0, 0, 1))[0])
+
+        def next_of(light: Any) -> Any:
+            """The first light from this one on that the point may see."""
+
+            def skipped(k: Any) -> Any:
+                here = k < t.count
+                cap = dr.gather(mi.Vector4f, t.caps, k, here)
+                centre = mi.Vector3f(cap.x, cap.y, cap.z)
+                dark = dr.dot(centre, normal) < -dr.safe_sqrt(1 - dr.square(cap.w))
+                return here & (cap.w > -0.5) & (dark | (mirror.weight(centre, cap.w) == 0))
+
+            result: Any = dr.while_loop(
+                (light,), lambda k: active & skipped(k), lambda k: (k + 1,), label="dark lights"
+            )[0]
+            return result
 
         def body(light: Any, piece: Any, sums: list[list[Any]]) -> tuple[Any, ...]:
             here = active & (light < t.count)
@@ -118,7 +173,7 @@ class ObjectLight:
                     bent, band.bend(ts, tuple(band.coordinate(w, frame.wo) for w in middles))
                 )
                 extents.append(Extent.of(*ts))
-            split = lit & ((bent > BEND) | (angle > LARGEST)) & (angle > SMALLEST)
+            split = lit & ((bent > BEND) | (angle > LARGEST)) & (angle > mirror.smallest)
             split &= part.w > 1.5
             final = lit & ~split
 
@@ -135,7 +190,9 @@ class ObjectLight:
                 local, 0, dr.gather(mi.UInt32, t.entry, piece, final)
             )
             value = dr.gather(mi.Color3f, t.radiance, entry, final)
-            value *= dr.select(final, angle * wi.z * factor, 0)
+            cap = dr.gather(mi.Vector4f, t.caps, light, final)
+            share = mirror.weight(mi.Vector3f(cap.x, cap.y, cap.z), cap.w)
+            value *= dr.select(final, angle * wi.z * factor * share, 0)
             group = mi.UInt32(F.w)
             # What is bent in the smallest piece all the same counts where the ray went
             pointed = bent > BEND
@@ -146,12 +203,11 @@ class ObjectLight:
             # On to its first piece, or past all of them
             piece += dr.select(split, 1, mi.UInt32(part.w))
             over = piece >= t.pieces
-            return light + dr.select(over, 1, mi.UInt32(0)), dr.select(over, 0, piece), sums
+            light = next_of(light + dr.select(over, 1, mi.UInt32(0)))
+            return light, dr.select(over, 0, piece), sums
 
-        light, zero = mi.UInt32(0), mi.UInt32(0)
-        sums = self._no_sums()
         _, _, sums = dr.while_loop(
-            (light, zero, sums),
+            (next_of(dr.zeros(mi.UInt32, dr.width(offsets))), mi.UInt32(0), self._no_sums()),
             lambda light, piece, sums: active & (light < t.count),
             body,
             label="triangles",
@@ -161,7 +217,15 @@ class ObjectLight:
     # -- strata ---------------------------------------------------------------------------
 
     def _strata(
-        self, target: Any, offsets: Any, si: Any, frame: Any, active: Any, seeds: Any, shifts: Any
+        self,
+        target: Any,
+        offsets: Any,
+        si: Any,
+        frame: Any,
+        mirror: Mirror,
+        active: Any,
+        seeds: Any,
+        shifts: Any,
     ) -> None:
         t, scene = self.tables, self.tracer.scene.mi_scene
         emitters = scene.emitters_dr()
@@ -178,7 +242,7 @@ class ObjectLight:
             wi, factor = frame.to_local(si.to_local(ds.d))
             final = here & (ds.pdf > 0) & (wi.z > 0)
             final &= ~scene.ray_test(si.spawn_ray_to(ds.p), final)
-            value = mi.Color3f(light) * dr.select(final, wi.z * factor * square.w, 0)
+            value = mi.Color3f(light) * dr.select(final, wi.z * factor * square.w * mirror.near, 0)
             group = dr.gather(mi.UInt32, t.strata_group, k, here)
             self._deposit(target, offsets, sums, None, wi, frame.wo, value, group, final, None)
             return k + 1, sums

@@ -231,6 +231,7 @@ class LightTables:
         self.tree = _floats(tree)
         self.entry = _whole(entry)
         self.radiance = _floats(lights.radiance)
+        self.caps = _floats(_caps(lights))
         s = lights.strata
         self.strata = dr.opaque(mi.UInt32, len(s))
         self.strata_emitter = _whole(np.array([item.emitter for item in s] or [0]))
@@ -239,6 +240,17 @@ class LightTables:
             np.array([[item.u, item.v, item.side, item.share] for item in s] or [[0.0] * 4])
         )
         self.any_triangles, self.any_strata = m > 0, len(s) > 0
+
+
+def _caps(lights: Lights) -> Float64:
+    """Around each triangle at infinity the centre of a cap that holds it and the cosine of its
+    radius, -1 for what is at hand: float64 [m, 4]."""
+    unit = lights.corners / np.linalg.norm(lights.corners, axis=2, keepdims=True)
+    centre = unit.mean(axis=1)
+    centre /= np.maximum(np.linalg.norm(centre, axis=1, keepdims=True), 1e-30)
+    # A little more, for rounding
+    cosine = np.einsum("mci,mi->mc", unit, centre).min(axis=1, initial=1.0) - 1e-6
+    return np.concatenate([centre, np.where(lights.local, -1.0, cosine)[:, None]], axis=1)
 
 
 def _floats(values: AnyArray) -> Any:

@@ -28,7 +28,8 @@ LANES = 1 << 20
 
 CURVED = ((0.006, 4), (0.03, 16))
 """Standard deviation of a row's normals in radians, and how many times as many points it gets
-from there on where its object is glossy; no more than SAMPLES in all."""
+from there on where its object is glossy; no more than SAMPLES in all. Only the lights around
+its mirror direction are gathered at all of them."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,9 @@ class RowPoints:
     int64 [n, most points], which camera rays: of origin, direction, float32 [rays, 3]; only the
     first `count` of each row are meant. share: float64 [rows, slots, 3], what the mean over the
     points is multiplied by for each layer slot: the part of the pixel's filter that the object
-    covers, times the mean of the layer's weight map over it.
+    covers, times the mean of the layer's weight map over it. mirror: float32 [n, 3], where the
+    mean normal mirrors the eye to; spread: float64 [n], standard deviation of the normals in
+    radians.
     """
 
     found: Int32
@@ -48,6 +51,8 @@ class RowPoints:
     origin: Float32
     direction: Float32
     share: Float64
+    mirror: Float32
+    spread: Float64
 
 
 def find_points(
@@ -93,28 +98,34 @@ def find_points(
         directions.append(np.array(ray.d).T)
     met = np.concatenate(met_rows)
     counts = np.bincount(met[met >= 0], minlength=len(rows))
-    total = np.array(normals).astype(np.float64).reshape(-1, 3)[: len(rows)]
-    wanted = _wanted(tracer, rows, counts, total, points)
     found = np.nonzero(counts)[0].astype(np.int32)
-    share = np.array(sums).astype(np.float64).reshape(-1, slots, 3)[: len(rows)] / SAMPLES
+    normal = np.array(normals).astype(np.float64).reshape(-1, 3)[found] / counts[found, None]
+    length = np.linalg.norm(normal, axis=1)
+    spread = np.sqrt(np.maximum(1 - length * length, 0))
+    wanted = np.zeros(len(rows), np.int64)
+    wanted[found] = _wanted(tracer, rows.object[found], spread, points)
+    chosen = _choose(met, counts, wanted, found)
+    direction = np.concatenate(directions).astype(np.float32)
+    eye = -direction[chosen[:, 0]]
+    normal /= np.maximum(length, 1e-12)[:, None]
     return RowPoints(
         found,
         wanted[found],
-        _choose(met, counts, wanted, found),
+        chosen,
         np.concatenate(origins).astype(np.float32),
-        np.concatenate(directions).astype(np.float32),
-        share,
+        direction,
+        np.array(sums).astype(np.float64).reshape(-1, slots, 3)[: len(rows)] / SAMPLES,
+        (2 * (eye * normal).sum(axis=1, keepdims=True) * normal - eye).astype(np.float32),
+        spread,
     )
 
 
-def _wanted(tracer: Tracer, rows: Rows, counts: Int64, normals: Float64, points: int) -> Int64:
-    """How many points each row gets: int64 [rows]. normals: their sums over the samples."""
+def _wanted(tracer: Tracer, objects: Int32, spread: Float64, points: int) -> Int64:
+    """How many points each row gets: int64 [rows]."""
     glossy = np.array([_is_glossy(item.material.layers) for item in tracer.basis.objects])
-    mean = np.linalg.norm(normals, axis=1) / np.maximum(counts, 1)
-    spread = np.sqrt(np.maximum(1 - mean * mean, 0))
-    factor = np.ones(len(rows), np.int64)
+    factor = np.ones(len(objects), np.int64)
     for least, more in CURVED:
-        factor[(spread > least) & glossy[rows.object]] = more
+        factor[(spread > least) & glossy[objects]] = more
     return np.minimum(points * factor, SAMPLES)
 
 
