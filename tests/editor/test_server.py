@@ -133,7 +133,7 @@ def test_welcome_describes_the_scene(server: EditorServer) -> None:
         layer = welcome["objects"][0]["layers"][1]
         assert layer["coordinate"] == "theta_h"
         assert layer["coordinate_maximum"] == pytest.approx(90.0)
-        assert {"name": "front", "width": 160, "height": 112} in welcome["views"]
+        assert {"name": "front", "width": 160, "height": 112, "camera": []} in welcome["views"]
         assert "ray tracer" in welcome["path_tracer"]
 
 

@@ -1,8 +1,13 @@
-// The lights: which shine, how much and in what colour, each a linear factor of the picture.
+// The lights: which shine, how much and in what colour; and where they stand and how they are turned.
+import { useEffect, useRef } from "preact/hooks";
 import { Colour } from "../controls/colour";
 import { Slider } from "../controls/slider";
-import type { LightData } from "../messages";
+import { FileBox, VectorBoxes } from "../controls/vector";
+import type { LightData, ParameterInfo } from "../messages";
 import * as model from "../model";
+import * as placing from "../placing";
+import type { Place } from "../viewer/camera";
+import { label, Parameter } from "./parameter";
 
 /** Stops to either side that the slider spans, and the fewest that the number box takes. */
 const SPAN = 6;
@@ -18,6 +23,7 @@ export function Lights() {
           {data.text}
         </p>
       )}
+      {data?.fixed && data.items.length > 0 && <p class="caption">Lights cannot be moved or turned here: {data.fixed}.</p>}
       {data?.items.map((light) => <Light key={light.path} light={light} maximum={data.maximum} solo={solo} />)}
       {data?.items.length === 0 && <p class="empty">This bundle does not say which lights its scene has; bake it again to mix them.</p>}
     </section>
@@ -29,9 +35,14 @@ function Light({ light, maximum, solo }: { light: LightData; maximum: number; so
   const reset = (parameter: string) => () => model.reset(`${light.path}.${parameter}`);
   const shines = light.on && (light.solo || !solo);
   const members = light.members.length > 1 ? light.members.join(", ") : "";
+  const chosen = placing.chosen.value === light.path;
+  const section = useRef<HTMLElement>(null);
+  useEffect(() => {
+    if (chosen) section.current?.scrollIntoView({ block: "nearest" });
+  }, [chosen]);
   const drag = { onBegin: model.beginDrag, onEnd: model.endDrag };
   return (
-    <section class={shines ? "layer" : "layer off"} aria-label={`Light ${light.name}`}>
+    <section ref={section} class={`layer${shines ? "" : " off"}${chosen ? " chosen" : ""}`} aria-label={`Light ${light.name}`}>
       <h3>
         <span title={members}>{light.name}</span>
         <small>{members}</small>
@@ -86,9 +97,45 @@ function Light({ light, maximum, solo }: { light: LightData; maximum: number; so
           onReset={reset("tint")}
           {...drag}
         />
+        {light.parameters.map((info) => (
+          <Placement key={info.name} light={light} info={info} />
+        ))}
       </div>
     </section>
   );
+}
+
+/** One of the parameters that lights of its kind have. */
+function Placement({ light, info }: { light: LightData; info: ParameterInfo }) {
+  const path = `${light.path}.${info.name}`;
+  const now = light.values[info.name] ?? info.default;
+  const onReset = () => model.reset(path);
+  if (info.kind === "vector" || info.kind === "direction") {
+    return (
+      <VectorBoxes
+        label={label(info.name)}
+        value={placing.placeOf(light, info.name) ?? (now as Place)}
+        initial={info.default as Place}
+        minimum={info.minimum}
+        maximum={info.maximum}
+        tip={info.description}
+        onChange={(value) => model.setValue(path, value)}
+        onReset={onReset}
+      />
+    );
+  }
+  if (info.kind === "file") {
+    return (
+      <FileBox
+        label={label(info.name)}
+        value={now as string}
+        tip={info.description}
+        onChange={(value) => (value ? model.setValue(path, value) : onReset())}
+        onReset={onReset}
+      />
+    );
+  }
+  return <Parameter path={path} info={info} value={now} fresnel="" />;
 }
 
 function Switch({ light }: { light: LightData }) {
@@ -118,9 +165,9 @@ export function LightList() {
       <ul>
         {items.map((light) => (
           <li key={light.path}>
-            <button class="object" title={light.members.join(", ")} onClick={() => (model.tab.value = "lights")}>
+            <button class="object" title={light.members.join(", ")} onClick={() => placing.choose(light.path)}>
               <span class="name">{light.name}</span>
-              {light.changed && <span class="dot" title="Mixed" aria-label="mixed" />}
+              {light.changed && <span class="dot" title="Not as in the scene" aria-label="changed" />}
               {!light.on && <span class="note">off</span>}
               {light.solo && <span class="note">solo</span>}
             </button>

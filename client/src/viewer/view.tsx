@@ -1,12 +1,13 @@
 // A view: the picture on its canvas, with pan, zoom, hovering, selecting and the wipe.
-import { effect } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { effect, signal, type Signal } from "@preact/signals";
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { whiteOf } from "../colour";
 import { Kind, type Frame } from "../frames";
 import { HALF } from "../halves";
 import type { Crop, RGB, ViewData } from "../messages";
 import * as model from "../model";
 import * as painting from "../painting";
+import { Gizmos, type Standing } from "./gizmo";
 import { Renderer, type Look } from "./renderer";
 import { OPERATORS } from "./shaders";
 
@@ -43,6 +44,7 @@ export function View({ data, index }: { data: ViewData; index: number }) {
   const marking = useRef<HTMLDivElement>(null);
   const [problem, setProblem] = useState("");
   const [waiting, setWaiting] = useState(true);
+  const standing = useMemo(() => signal<Standing>({ x: 0, y: 0, scale: 1, width: 1, height: 1 }), []);
 
   useEffect(() => {
     const canvas = canvasRef.current;
@@ -54,7 +56,7 @@ export function View({ data, index }: { data: ViewData; index: number }) {
       setProblem(error instanceof Error ? error.message : String(error));
       return;
     }
-    const controller = new Controller(canvas, marking.current, renderer, data, index, () => setWaiting(false));
+    const controller = new Controller(canvas, marking.current, renderer, data, index, standing, () => setWaiting(false));
     handles.set(data.name, controller);
     model.mounted.add(data.name);
     return () => {
@@ -69,6 +71,7 @@ export function View({ data, index }: { data: ViewData; index: number }) {
     <figure class="view" aria-label={`View ${data.name}`}>
       <canvas ref={canvasRef} tabIndex={0} role="img" aria-label={`Picture of view ${data.name}`} />
       <div ref={marking} class="marking" hidden />
+      <Gizmos data={data} standing={standing} />
       {problem && <p class="problem" role="alert">{problem}</p>}
       {waiting && !problem && <p class="waiting" role="status">Waiting for the first picture …</p>}
       {model.shownViews.value.length > 1 && <figcaption>{data.name}</figcaption>}
@@ -97,6 +100,7 @@ class Controller implements ViewHandle {
     private readonly renderer: Renderer,
     private readonly data: ViewData,
     private readonly index: number,
+    private readonly standing: Signal<Standing>,
     private readonly onFirst: () => void,
   ) {
     this.name = data.name;
@@ -207,9 +211,18 @@ class Controller implements ViewHandle {
     this.drawnAt = performance.now();
     this.renderer.draw(this.look());
     this.mark();
+    this.stand();
     for (const frame of this.waitingToShow) model.shown(frame);
     this.waitingToShow = [];
     if (performance.now() < this.glowUntil) this.schedule();
+  }
+
+  /** Say where the picture stands to what lies over it. */
+  private stand(): void {
+    const [x, y] = this.origin;
+    const now: Standing = { x, y, scale: this.scale, width: this.canvas.width, height: this.canvas.height };
+    const before = this.standing.peek();
+    if ((Object.keys(now) as (keyof Standing)[]).some((key) => now[key] !== before[key])) this.standing.value = now;
   }
 
   /** Put the frame about the rectangle that a reference is asked for. */

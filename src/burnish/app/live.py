@@ -94,6 +94,7 @@ class LiveStudio:
             self.views[name] = LiveView(
                 self, name, self.opened.basis, width, height, self.opened.rows[name]
             )
+            self.views[name].camera = self.opened.cameras[name]
 
     # -- the process ------------------------------------------------------------------------
 
@@ -350,6 +351,8 @@ class LiveView:
     ) -> None:
         self._studio = studio
         self.name, self.basis, self.width, self.height, self.rows = name, basis, width, height, rows
+        self.camera: tuple[float, ...] = ()
+        """From the world to pixels, [3, 4] row by row; empty for a camera that is not so."""
         self.samples = 0
         """Samples per pixel of what was last published."""
         self.revision = 0

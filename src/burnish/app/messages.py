@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 4
+VERSION = 5
 """Grows when a message changes; a page that speaks another version is asked to reload."""
 
 MAXIMUM_MESSAGE_BYTES = 4 * 1024 * 1024
@@ -107,6 +107,14 @@ class SetCurve(ClientMessage):
 @dataclass(frozen=True)
 class SetOutgoingCurve(ClientMessage):
     """Set or, with null, remove the freehand factor on the viewing angle of "object.layer"."""
+
+    layer: str
+    curve: CurveData | None
+
+
+@dataclass(frozen=True)
+class SetSecondCurve(ClientMessage):
+    """Set or, with null, remove the freehand edit of the second curve of "object.layer"."""
 
     layer: str
     curve: CurveData | None
@@ -302,7 +310,7 @@ class ParameterInfo:
     slider's travel maps to the value."""
 
     name: str
-    kind: Literal["scalar", "colour", "choice"]
+    kind: Literal["scalar", "colour", "choice", "vector", "direction", "file"]
     default: Value
     minimum: float
     maximum: float
@@ -317,7 +325,8 @@ class ParameterInfo:
 @dataclass(frozen=True)
 class LayerInfo:
     """A layer's fixed side. coordinate: γ's name, "none" without a curve; its maximum is in
-    degrees when the coordinate is an angle. weight: the scene's own. own_model: that of the
+    degrees when the coordinate is an angle. second_coordinate: that of a second curve, an angle
+    up to 90 degrees, or "none". weight: the scene's own. own_model: that of the
     scene. fresnel: what sets the reflectance at normal incidence, the parameter `color`, an
     index of refraction `ior`, or the complex one `eta` and `k`; "" for none of them."""
 
@@ -326,6 +335,7 @@ class LayerInfo:
     description: str
     coordinate: str
     coordinate_maximum: float
+    second_coordinate: str
     weight: float
     own_model: str
     fresnel: Literal["", "color", "ior", "complex"]
@@ -360,11 +370,14 @@ class ObjectData:
 
 @dataclass(frozen=True)
 class ViewData:
-    """A picture's name and size in pixels."""
+    """A picture's name and size in pixels. camera: the matrix [3, 4], row by row, from places
+    of the world (x, y, z, 1) to (d · column, d · row, d), d the depth; empty where the page
+    need not know it."""
 
     name: str
     width: int
     height: int
+    camera: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -374,6 +387,7 @@ class LayerValues:
     values: Mapping[str, Value]
     curve: CurveData | None
     outgoing_curve: CurveData | None
+    second_curve: CurveData | None
     enabled: bool
     weight: float
 
@@ -392,7 +406,9 @@ class ObjectValues:
 class LightData:
     """A light, or group of lights that are its members, and what is set on it. path: where
     SetValue and Reset find it, such as "light:lamp", with ".intensity" and so on behind it;
-    on and solo take "on" and "off". changed: whether it is not as the scene has it."""
+    on and solo take "on" and "off". parameters: what else it has, such as ".position", with
+    the scene's values as defaults, and `values` as it is now. changed: whether it is not as the
+    scene has it."""
 
     path: str
     name: str
@@ -401,6 +417,8 @@ class LightData:
     tint: RGB
     on: bool
     solo: bool
+    parameters: tuple[ParameterInfo, ...]
+    values: Mapping[str, Value]
     changed: bool
 
 
@@ -456,11 +474,13 @@ class State(ServerMessage):
 @dataclass(frozen=True)
 class Lights(ServerMessage):
     """The mix of the lights. maximum: of an intensity. text: what is not exact about the
-    picture's mix at the moment, or ""."""
+    picture's mix at the moment, or "". fixed: why no light can be moved, turned or replaced, or
+    ""; what only scales it can be set all the same."""
 
     items: tuple[LightData, ...]
     maximum: float
     text: str
+    fixed: str
 
 
 @dataclass(frozen=True)
@@ -503,11 +523,12 @@ class LayerCurve:
 @dataclass(frozen=True)
 class Curves(ServerMessage):
     """The curves of the selected object. outgoing: each layer's factor on the viewing angle,
-    at t = θo / 90°."""
+    at t = θo / 90°. second: of layers with two curves, the second one."""
 
     object: str
     layers: tuple[LayerCurve, ...]
     outgoing: tuple[LayerCurve, ...]
+    second: tuple[LayerCurve, ...]
 
 
 @dataclass(frozen=True)
@@ -605,7 +626,8 @@ class FrameHeader:
 
 
 CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
-    Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetOutgoingCurve, SetModel,
+    Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetOutgoingCurve, SetSecondCurve,
+    SetModel,
     SetMetal, SetEnabled, SetWeight, Solo, Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot,
     ForgetSnapshot, CompareSnapshot, PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
     Denoise, PaintBegin, PaintTo, PaintEnd, PaintWhole,

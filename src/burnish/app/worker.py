@@ -44,13 +44,14 @@ UNSEEN_SHARE = 16
 @dataclass(frozen=True)
 class Opened:
     """The scene is loaded. objects: (id, editable, reason) of all of them; denoiser_missing:
-    why nothing can be denoised, or ""."""
+    why nothing can be denoised, or "". cameras: see `scene.views.projection`."""
 
     name: str
     basis: Basis
     objects: tuple[tuple[str, bool, str], ...]
     views: tuple[tuple[str, int, int], ...]
     rows: dict[str, Rows]
+    cameras: dict[str, tuple[float, ...]]
     lights: tuple[Light, ...]
     warnings: tuple[str, ...]
     denoiser_missing: str
@@ -228,6 +229,7 @@ class _Worker:
         from burnish.precompute.plan import basis_for
         from burnish.scene import load
         from burnish.scene.moving import LightMover
+        from burnish.scene.views import projection
 
         options = dict(options)
         editable, series = options.pop("editable", None), options.pop("series", (64, 1, 1, 1))
@@ -256,6 +258,7 @@ class _Worker:
                 tuple((item.id, item.editable, item.reason) for item in scene.objects),
                 tuple((view.name, view.width, view.height) for view in scene.views),
                 {view.name: first_rows(scene, view, self.basis) for view in scene.views},
+                {view.name: projection(view) for view in scene.views},
                 tuple(Light(light.name, light.kind, light.parameters) for light in scene.lights),
                 tuple(scene.warnings),
                 "" if available() else "Needs Open Image Denoise: pip install pyoidn",

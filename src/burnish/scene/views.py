@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
 
 from burnish.core.errors import InvalidValue, SceneError
 from burnish.scene.tree import Reference, Tree, UniqueNames
@@ -93,3 +94,33 @@ def views_of(mi_scene: Any, names: list[str]) -> tuple[View, ...]:
         width, height = sensors[name].film().crop_size()
         views.append(View(name, sensors[name], int(width), int(height)))
     return tuple(views)
+
+
+def projection(view: View) -> tuple[float, ...]:
+    """The matrix [3, 4], row by row, from places of the world (x, y, z, 1) to
+    (d · column, d · row, d): pixels from the upper left corner, and the depth d.
+
+    Empty for a camera whose rays do not all leave from one place through a plane.
+    """
+    known = mi.traverse(view.sensor)
+    if "to_world" not in known:
+        return ()
+    to_world = np.array(known["to_world"].matrix, np.float64).reshape(4, 4)
+    eye, forward = to_world[:3, 3], to_world[:3, 2]
+    corners = []
+    for position in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+        ray, _ = view.sensor.sample_ray(
+            mi.Float(0.0), mi.Float(0.5), mi.Point2f(position), mi.Point2f(0.5)
+        )
+        origin, direction = (np.ravel(item).astype(np.float64) for item in (ray.o, ray.d))
+        if np.linalg.norm(np.cross(origin - eye, direction)) > 1e-4 * np.linalg.norm(origin - eye):
+            return ()
+        corners.append(direction / (direction @ forward))
+    first, right, down = corners[0], corners[1] - corners[0], corners[2] - corners[0]
+    plane = np.stack([right, down, first], axis=1)
+    flat = np.allclose(corners[3], first + right + down, atol=1e-4)
+    if not flat or abs(np.linalg.det(plane)) < 1e-9:
+        return ()
+    inverse = np.diag([view.width, view.height, 1.0]) @ np.linalg.inv(plane)
+    matrix = np.concatenate([inverse, -(inverse @ eye)[:, None]], axis=1)
+    return tuple(float(number) for number in matrix.ravel())

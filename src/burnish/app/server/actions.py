@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -9,6 +10,7 @@ from burnish.app import messages as m
 from burnish.app.server import describe
 from burnish.app.server.autosave import Autosave
 from burnish.app.server.frames import Kind
+from burnish.app.server.lights import moves_a_light
 from burnish.app.server.mailbox import Mailbox
 from burnish.app.server.pages import Pages
 from burnish.app.server.publishing import Publishing
@@ -17,6 +19,9 @@ from burnish.app.server.snapshots import Snapshots
 from burnish.app.server.tracing import Tracing
 from burnish.core.errors import InvalidValue, UnknownName
 from burnish.session import Session
+
+_QUIET_SECONDS = 10.0
+"""So long after a light has moved another move says nothing."""
 
 
 class Actions:
@@ -36,6 +41,7 @@ class Actions:
         self._snapshots, self._tracing, self._resting = snapshots, tracing, resting
         self._autosave = autosave
         self._gesture: tuple[Mailbox, AbstractContextManager[Any]] | None = None
+        self._moved = -_QUIET_SECONDS
 
     def carry_out(self, box: Mailbox, item: m.ClientMessage) -> None:
         """Do what a message asks. Raises BurnishError, and then has changed nothing."""
@@ -46,11 +52,13 @@ class Actions:
             case m.Gesture(active=active):
                 self.gesture(box if active else None)
             case m.SetValue(path=path, value=value):
-                session.set(path, value)
+                self._set_value(path, value)
             case m.SetCurve(layer=layer, curve=curve):
                 session.set_curve(layer, describe.curve_from(curve))
             case m.SetOutgoingCurve(layer=layer, curve=curve):
                 session.set_outgoing_curve(layer, describe.curve_from(curve))
+            case m.SetSecondCurve(layer=layer, curve=curve):
+                session.set_second_curve(layer, describe.curve_from(curve))
             case m.SetModel(layer=layer, model=model):
                 self._set_model(layer, model)
             case m.SetMetal(layer=layer, metal=metal):
@@ -112,6 +120,16 @@ class Actions:
         """A page has gone, and its drag with it."""
         if self._gesture is not None and self._gesture[0] is box:
             self.gesture(None)
+
+    def _set_value(self, path: str, value: m.Value) -> None:
+        before = self._session.revision
+        self._session.set(path, value)
+        now = time.monotonic()
+        if moves_a_light(path) and self._session.revision != before:
+            if now - self._moved > _QUIET_SECONDS:
+                words = "The lights stand otherwise now: all light is being traced anew."
+                self._pages.to_all(m.Notice("info", words))
+            self._moved = now
 
     def _set_model(self, path: str, model: str) -> None:
         before = self._session.revision

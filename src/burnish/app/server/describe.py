@@ -27,6 +27,7 @@ from burnish.app.server.appearance import (
     base_profile,
     outgoing_factors,
     profile,
+    second_profiles,
     total_albedo,
 )
 from burnish.core.errors import InvalidValue, UnknownName
@@ -38,6 +39,7 @@ from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.model import Model
 from burnish.materials.parameter import Parameter
 from burnish.materials.replacement import choices
+from burnish.materials.two_curves import TwoCurves
 from burnish.session import ObjectInfo, Session
 from burnish.transport.frozen import Transport
 
@@ -69,14 +71,18 @@ def layer(
 ) -> LayerInfo:
     """A layer's model, coordinate and knobs; a linked parameter is another layer's knob."""
     model = item.model
-    angle = model.coordinate_name.startswith(("theta", "gamma", "alpha", "beta"))
+    coordinate, second = model.coordinate_name, "none"
+    if isinstance(model, TwoCurves):
+        coordinate, second = model.names
+    angle = coordinate.startswith(("theta", "gamma", "alpha", "beta"))
     maximum = model.coordinate_maximum
     return LayerInfo(
         name=item.name,
         model=model.name,
         description=summary(type(model)),
-        coordinate=model.coordinate_name if item.bins > 1 else "none",
+        coordinate=coordinate if item.bins > 1 else "none",
         coordinate_maximum=math.degrees(maximum) if angle else maximum,
+        second_coordinate=second,
         weight=initial.weight,
         own_model=own_model,
         fresnel=fresnel(model),
@@ -147,8 +153,9 @@ def summary(kind: type[Model]) -> str:
 
 
 def view(name: str, transport: Transport) -> ViewData:
-    """A view's name and size."""
-    return ViewData(name, transport.width, transport.height)
+    """A view's name and size, and its camera where the transport knows it."""
+    camera = tuple(getattr(transport, "camera", ()))
+    return ViewData(name, transport.width, transport.height, camera)
 
 
 def values(material: Material, state: MaterialState) -> ObjectValues:
@@ -159,6 +166,7 @@ def values(material: Material, state: MaterialState) -> ObjectValues:
                 dict(item.values),
                 curve(item.curve),
                 curve(item.outgoing_curve),
+                curve(item.second_curve),
                 item.enabled,
                 item.weight,
             )
@@ -183,21 +191,26 @@ def curve_from(data: CurveData | None) -> Curve | None:
 
 def curves(
     material: Material, state: MaterialState
-) -> tuple[tuple[LayerCurve, ...], tuple[LayerCurve, ...]]:
-    """The profiles of an object's layers, denser near the highlight, and their factors on the
-    viewing angle."""
+) -> tuple[tuple[LayerCurve, ...], tuple[LayerCurve, ...], tuple[LayerCurve, ...]]:
+    """The profiles of an object's layers, denser near the highlight, their factors on the viewing
+    angle, and the second curves of those that have one."""
     linked = material.linked(state)
-    profiles, factors = [], []
+    profiles, factors, second = [], [], []
     even = np.linspace(0.0, 1.0, _OUTGOING_SAMPLES)
     for item in material.layers:
         own = linked.layers[item.name]
         if item.model.coordinate_name != "none" and item.bins > 1:
-            t = np.linspace(0.0, 1.0, _CURVE_SAMPLES) ** max(item.spacing, 1.0)
+            spacings = [item.spacing]
+            if isinstance(item.model, TwoCurves):
+                spacings = [axis.spacing for axis in item.model.axes]
+                t = np.linspace(0.0, 1.0, _CURVE_SAMPLES) ** spacings[1]
+                second.append(_curve_of(item.name, t, *second_profiles(item, own, t)))
+            t = np.linspace(0.0, 1.0, _CURVE_SAMPLES) ** max(spacings[0], 1.0)
             base, result = base_profile(item, own, t), profile(item, own, t)
             profiles.append(_curve_of(item.name, t, base, result))
         base, result = outgoing_factors(item, own, even)
         factors.append(_curve_of(item.name, even, base, result))
-    return tuple(profiles), tuple(factors)
+    return tuple(profiles), tuple(factors), tuple(second)
 
 
 def _curve_of(name: str, t: Float64, base: Float64, result: Float64) -> LayerCurve:

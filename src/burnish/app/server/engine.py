@@ -22,6 +22,7 @@ from burnish.app import messages as m
 from burnish.app.server.actions import Actions
 from burnish.app.server.autosave import Autosave
 from burnish.app.server.frames import Kind
+from burnish.app.server.lights import moves_a_light
 from burnish.app.server.mailbox import Mailbox
 from burnish.app.server.pages import Pages
 from burnish.app.server.painting import Painting
@@ -150,10 +151,10 @@ class Engine:
     def _loop(self) -> None:
         while True:
             with self._changed:
-                if not self._queue and not self._stop and not self._out.wanted():
+                if not (self._due() or self._stop or self._out.wanted()):
                     self._changed.wait(_POLL_SECONDS)
-                batch = list(self._queue)
-                self._queue.clear()
+                batch = self._due()
+                self._queue = deque(item for item in self._queue if item not in batch)
                 stop = self._stop
             for box, item in batch:
                 self._carry_out(box, item)
@@ -167,6 +168,16 @@ class Engine:
                 return
             if not self._queue and self._out.at_rest:
                 self._rest()
+
+    def _due(self) -> list[tuple[Mailbox | None, Any]]:
+        """What can be carried out now: all that has arrived, but for the place of a light that
+        is dragged while the picture of the last one is still to come. A light that never stood
+        still would never be seen."""
+        asked = [item for box, item in self._queue if box is not None]
+        moves = all(isinstance(item, m.SetValue) and moves_a_light(item.path) for item in asked)
+        if moves and self._out.waits and not self._stop:
+            return [(box, item) for box, item in self._queue if box is None]
+        return list(self._queue)
 
     def _rest(self) -> None:
         """What waits for a pause."""
@@ -252,6 +263,8 @@ def _slot(item: object) -> tuple[object, ...] | None:
             return "curve", layer
         case m.SetOutgoingCurve(layer=layer):
             return "outgoing", layer
+        case m.SetSecondCurve(layer=layer):
+            return "second", layer
         case m.SetWeight(layer=layer):
             return "weight", layer
         case m.Inspect():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from burnish.app import messages as m
-from burnish.materials.lights import PARAMETERS, lights_in
+from burnish.app.server import describe
+from burnish.materials.lights import PARAMETERS, PREFIX, lights_in
+from burnish.materials.placement import EXPOSURE, TEMPLATES
 from burnish.session import Session
 
 
@@ -23,6 +25,12 @@ def lights(session: Session, view: str) -> m.Lights:
                 tint=light.tint,
                 on=light.on,
                 solo=light.solo,
+                parameters=tuple(
+                    describe.parameter(item, item.default)
+                    for item in group.parameters
+                    if item.name == EXPOSURE or not session.lights_fixed
+                ),
+                values=dict(light.values),
                 changed=group.key in changed,
             )
         )
@@ -30,4 +38,11 @@ def lights(session: Session, view: str) -> m.Lights:
         items=tuple(items),
         maximum=maximum,
         text=session.light_mix.notice(view, session.state),
+        fixed=session.lights_fixed,
     )
+
+
+def moves_a_light(path: str) -> bool:
+    """Whether a value at this path is of a light's placement, which is traced anew."""
+    name = path.rpartition(".")[2]
+    return path.startswith(PREFIX) and name in TEMPLATES and name != EXPOSURE

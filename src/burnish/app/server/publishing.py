@@ -97,6 +97,11 @@ class Publishing:
         edited = any(values.changed for values in self._values.values())
         return edited or any(light.changed for light in lights)
 
+    @property
+    def waits(self) -> bool:
+        """Whether a view is asked for that has nothing to show yet."""
+        return bool(self._waiting)
+
     def welcome(self, box: Mailbox) -> None:
         """Everything that a new page needs."""
         from burnish.runtime import tonemap
@@ -373,8 +378,8 @@ class Publishing:
         material = self._session.material(selected[0]) if selected else None
         if material is not None:
             state = self._session.state[selected[0]]
-            profiles, outgoing = describe.curves(material, state)
-            self._pages.to_all(m.Curves(selected[0], profiles, outgoing))
+            profiles, outgoing, second = describe.curves(material, state)
+            self._pages.to_all(m.Curves(selected[0], profiles, outgoing, second))
 
     def draw_plots(self) -> None:
         """The ball and the polar plot."""
