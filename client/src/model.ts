@@ -280,6 +280,8 @@ export const setCurve = (layer: string, curve: CurveData | null): void =>
   connection.sendLatest(`curve ${layer}`, { type: "SetCurve", layer, curve });
 export const setOutgoingCurve = (layer: string, curve: CurveData | null): void =>
   connection.sendLatest(`outgoing ${layer}`, { type: "SetOutgoingCurve", layer, curve });
+export const setSecondCurve = (layer: string, curve: CurveData | null): void =>
+  connection.sendLatest(`second ${layer}`, { type: "SetSecondCurve", layer, curve });
 export const setModel = (layer: string, model: string): void =>
   connection.send({ type: "SetModel", layer, model });
 export const setMetal = (layer: string, metal: string): void =>

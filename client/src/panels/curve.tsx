@@ -24,6 +24,8 @@ const NAMES: Record<string, string> = {
   theta_in: "θi incidence",
   theta_o: "θo viewing, from the normal",
   gamma: "γ, the half angle stretched",
+  gamma_alpha: "γα, the half angle along u",
+  gamma_beta: "γβ, the half angle along v",
 };
 
 export interface CurveEditorProps {

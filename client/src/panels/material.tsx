@@ -58,6 +58,7 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
   const open = useSignal(true);
   const data = model.curves.value;
   const curve = data && path === `${data.object}.${info.name}` ? data.layers.find((l) => l.layer === info.name) : undefined;
+  const second = data && path === `${data.object}.${info.name}` ? data.second.find((l) => l.layer === info.name) : undefined;
   return (
     <section class={values.enabled ? "layer" : "layer off"} aria-label={`Layer ${info.name}`}>
       <h3>
@@ -118,6 +119,17 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
               data={curve}
               curve={values.curve}
               set={(next) => model.setCurve(path, next)}
+            />
+          )}
+          {second && (
+            <CurveEditor
+              key={`${info.model} second`}
+              name={`${info.name}, second curve`}
+              coordinate={info.second_coordinate}
+              maximum={90}
+              data={second}
+              curve={values.second_curve}
+              set={(next) => model.setSecondCurve(path, next)}
             />
           )}
           <ViewingCurve path={path} info={info} values={values} />

@@ -11,7 +11,12 @@ import numpy as np
 from PIL import Image
 
 from burnish.core.types import AnyArray, Float64
-from burnish.materials.coefficients import albedo, conserved, outgoing
+from burnish.materials.coefficients import (
+    albedo,
+    conserved,
+    edited_second_profile,
+    outgoing,
+)
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector
 from burnish.materials.reflectance import reflectance
@@ -44,6 +49,16 @@ def profile(layer: Layer, state: LayerState, t: AnyArray) -> Float64:
     """f(t) with the freehand edit on it: float64 [len(t), 3]."""
     base = base_profile(layer, state, t)
     return base if state.curve is None else np.asarray(state.curve.apply(t, base))
+
+
+def second_profiles(layer: Layer, state: LayerState, t: Float64) -> tuple[Float64, Float64]:
+    """The second curve of a layer with two, as the parameters make it and as edited: each
+    float64 [len(t), 3]."""
+    plain, edited = (
+        np.broadcast_to(edited_second_profile(layer, own, t), (len(t), 3)).astype(np.float64)
+        for own in (replace(state, second_curve=None), state)
+    )
+    return plain, edited
 
 
 def outgoing_factors(layer: Layer, state: LayerState, t: Float64) -> tuple[Float64, Float64]:
