@@ -43,7 +43,6 @@ export interface LayerInfo {
   coordinate: string;
   coordinate_maximum: number;
   second_coordinate: string;
-  second_coordinate: string;
   weight: number;
   own_model: string;
   fresnel: "" | "color" | "ior" | "complex";
@@ -229,13 +228,6 @@ export interface SetCurve {
 /** Set or, with null, remove the freehand factor on the viewing angle of "object.layer". */
 export interface SetOutgoingCurve {
   type: "SetOutgoingCurve";
-  layer: string;
-  curve: CurveData | null;
-}
-
-/** Set or, with null, remove the freehand edit of the second curve of "object.layer". */
-export interface SetSecondCurve {
-  type: "SetSecondCurve";
   layer: string;
   curve: CurveData | null;
 }
@@ -446,7 +438,6 @@ export interface Curves {
   layers: LayerCurve[];
   outgoing: LayerCurve[];
   second: LayerCurve[];
-  second: LayerCurve[];
 }
 
 /** The selected BRDF by itself: a lit ball (a PNG data URL) and ρ cosθ in the plane of
@@ -527,7 +518,6 @@ export type ToServer =
   | SetValue
   | SetCurve
   | SetOutgoingCurve
-  | SetSecondCurve
   | SetSecondCurve
   | SetModel
   | SetMetal

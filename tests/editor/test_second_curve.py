@@ -47,9 +47,11 @@ def test_both_curves_are_described_and_drawn() -> None:
         state = page.message("State", revision=1)
         assert state["materials"]["pot"]["layers"]["specular"]["second_curve"] == HALF
         drawn = page.until(
-            lambda item: isinstance(item, dict)
-            and item["type"] == "Curves"
-            and item["second"][0]["base"] != item["second"][0]["result"]
+            lambda item: (
+                isinstance(item, dict)
+                and item["type"] == "Curves"
+                and item["second"][0]["base"] != item["second"][0]["result"]
+            )
         )
         (second,) = drawn["second"]
         assert second["result"][0][0] == pytest.approx(0.5 * second["base"][0][0], rel=1e-4)

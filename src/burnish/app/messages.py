@@ -121,14 +121,6 @@ class SetSecondCurve(ClientMessage):
 
 
 @dataclass(frozen=True)
-class SetSecondCurve(ClientMessage):
-    """Set or, with null, remove the freehand edit of the second curve of "object.layer"."""
-
-    layer: str
-    curve: CurveData | None
-
-
-@dataclass(frozen=True)
 class SetModel(ClientMessage):
     """Give "object.layer" another reflectance model, a name of Welcome.models."""
 
@@ -536,7 +528,6 @@ class Curves(ServerMessage):
     object: str
     layers: tuple[LayerCurve, ...]
     outgoing: tuple[LayerCurve, ...]
-    second: tuple[LayerCurve, ...]
     second: tuple[LayerCurve, ...]
 
 

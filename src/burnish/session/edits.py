@@ -11,8 +11,9 @@
     }
 
 A layer's entry may have `parameters`, `curve`, `outgoing_curve` and, where its model has two
-curves, `second_curve` (see `Curve`), `enabled` and `weight`; and, where it was given another model, `model`, as a bundle would store the
-layer, with the values that it `started` with and those `kept` for other layers.
+curves, `second_curve` (see `Curve`), `enabled` and `weight`; and, where it was given another
+model, `model`, as a bundle would store the layer, with the values that it `started` with and
+those `kept` for other layers.
 An object's `strokes` are what was painted on it, in scene units, whatever view and bake they
 are shown in: what a brush did, and where, as compressed numbers (see `painting.stroke`).
 A layer's `maps` are pictures in place of its parameters' values (see `mapentries`).

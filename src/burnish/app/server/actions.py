@@ -59,8 +59,6 @@ class Actions:
                 session.set_outgoing_curve(layer, describe.curve_from(curve))
             case m.SetSecondCurve(layer=layer, curve=curve):
                 session.set_second_curve(layer, describe.curve_from(curve))
-            case m.SetSecondCurve(layer=layer, curve=curve):
-                session.set_second_curve(layer, describe.curve_from(curve))
             case m.SetModel(layer=layer, model=model):
                 self._set_model(layer, model)
             case m.SetMetal(layer=layer, metal=metal):

@@ -40,7 +40,6 @@ from burnish.materials.model import Model
 from burnish.materials.parameter import Parameter
 from burnish.materials.replacement import choices
 from burnish.materials.two_curves import TwoCurves
-from burnish.materials.two_curves import TwoCurves
 from burnish.session import ObjectInfo, Session
 from burnish.transport.frozen import Transport
 

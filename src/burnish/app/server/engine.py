@@ -265,8 +265,6 @@ def _slot(item: object) -> tuple[object, ...] | None:
             return "outgoing", layer
         case m.SetSecondCurve(layer=layer):
             return "second", layer
-        case m.SetSecondCurve(layer=layer):
-            return "second", layer
         case m.SetWeight(layer=layer):
             return "weight", layer
         case m.Inspect():
