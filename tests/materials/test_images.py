@@ -15,7 +15,7 @@ from burnish.core.types import Float32, Float64
 from burnish.materials.coefficients import albedo, coefficients
 from burnish.materials.images import ImageMap, Texels
 from burnish.materials.images.files import read_texels
-from burnish.materials.images.image import placed
+from burnish.materials.images.image import Placement, placed
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.models.cook_torrance import CookTorrance
 from burnish.materials.models.lambert import Lambert
@@ -59,6 +59,15 @@ def test_a_quarter_turn_about_the_middle_moves_corners_to_corners() -> None:
     assert any(np.array_equal(ours[0], value) for value in corners)
     back = ImageMap(texels, transform=placed(rotate=360.0), smooth=False)
     np.testing.assert_array_equal(back.raw(corner)[0], texels.values[0, 0])
+
+
+@pytest.mark.parametrize("repeat", [(1.0, 1.0), (4.0, 0.5), (2.0, -1.0)])
+@pytest.mark.parametrize("rotate", [0.0, 30.0, -135.0])
+def test_a_placement_is_found_again(repeat: tuple[float, float], rotate: float) -> None:
+    found = Placement.of(placed(repeat, rotate, (0.3, -0.2)))
+    np.testing.assert_allclose(found.repeat, repeat)
+    np.testing.assert_allclose(found.rotate, rotate, atol=1e-9)
+    np.testing.assert_allclose(found.shift, (0.3, -0.2), atol=1e-9)
 
 
 def test_a_repeated_picture_is_smaller() -> None:

@@ -34,13 +34,14 @@ CASES = (
         for name in ("SuperRough", "Glossy", "Diffuse_0001")
     ),
     *(
-        Case("scenes/staircase2/scene.xml", name, resolution=(24, 32))
+        Case("scenes/staircase2/scene.xml", name, resolution=(24, 32), bake=65536)
         for name in ("FloorTiles", "Wood_0003", "Wallpaper")
     ),
     *(Case("scenes/living-room/scene.xml", name) for name in ("Floor", "Sofa", "Paneling_6")),
     Case("scenes/dining-room/scene.xml", "Walls"),
     Case("scenes/veach-bidir/scene.xml", "Diffuse_0009"),
-    Case("gltf/boombox.glb", "BoomBox", limit=0.05),
+    Case("gltf/boombox.glb", "BoomBox", limit=0.05, bake=524288),
+    Case("gltf/DamagedHelmet.glb", "node_damagedHelmet_-6514", limit=0.05, bake=131072),
     *(
         Case("gltf/ClearCoatTest.glb", name)
         for name in ("ClearCoatSample", "CoatOnlySample", "BaseLayerSample")

@@ -12,9 +12,12 @@ from tests.verify.sweeps import Case, sweep
 pytestmark = pytest.mark.verify
 
 CASES = (
-    *(Case("vase", name, limit=0.05) for name in ("vase", "flowers", "stems")),
-    *(Case("room", name, limit=0.05) for name in ("couch", "floor", "stairs")),
-    *(Case("earrings", name, limit=0.05) for name in ("pearls", "posts", "cloth")),
+    Case("vase", "vase", series=(64, 16), spp=32768, limit=0.05),
+    *(Case("vase", name, limit=0.05) for name in ("flowers", "stems")),
+    *(Case("room", name, limit=0.05, bake=65536) for name in ("couch", "floor", "stairs")),
+    Case("earrings", "pearls", limit=0.05, bake=65536),
+    Case("earrings", "posts", limit=0.05, bake=262144),
+    Case("earrings", "cloth", limit=0.05),
     *(Case("still-life", name, limit=0.05) for name in ("bottle", "bowl", "floor")),
     *(Case("interior", name, limit=0.05) for name in ("floor", "curtain", "armchair")),
     *(Case("tableau", name, limit=0.05) for name in ("bunny", "dragon", "floor")),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from burnish.core.colour import colour_from_hex
 from burnish.core.errors import InvalidValue
@@ -52,6 +53,58 @@ def parse_look(text: str) -> tuple[str | None, str, str | None]:
             f"--materialx takes [OBJECT=]FILE[#MATERIAL], like teapot=looks.mtlx#gold; got {text!r}"
         )
     return object_id.strip() or None, file.strip(), material.strip() or None
+
+
+def parse_map(text: str) -> tuple[str, str | None, dict[str, Any]]:
+    """Path, file and options of one `--set-map`. Raises InvalidValue.
+
+    The options are those of `Session.set_map`; the file is None where it is left out.
+    """
+    path, equals, rest = text.partition("=")
+    if not (equals and path.strip() and rest.strip()):
+        raise InvalidValue(
+            "--set-map takes OBJECT.LAYER.PARAMETER=FILE, like floor.diffuse.color=oak.jpg,repeat=4"
+            f"; got {text!r}"
+        )
+    # A file's name may hold commas, and equal signs
+    parts, options = rest.split(","), dict[str, Any]()
+    while parts:
+        key, equals, value = parts[-1].partition("=")
+        if not equals or key.strip() not in _MAP_OPTIONS:
+            break
+        options[key.strip()] = _MAP_OPTIONS[key.strip()](value.strip(), text)
+        parts.pop()
+    return path.strip(), ",".join(parts).strip() or None, options
+
+
+def _pair(text: str, where: str) -> tuple[float, float]:
+    """Two numbers "4x2", or one for both."""
+    numbers = [_number(part) for part in text.lower().split("x")]
+    if len(numbers) not in (1, 2) or None in numbers:
+        raise InvalidValue(f"{where}: {text!r} must be a number or two, like 4x2")
+    return numbers[0], numbers[-1]  # type: ignore[return-value]
+
+
+def _one(text: str, where: str) -> float:
+    number = _number(text)
+    if number is None:
+        raise InvalidValue(f"{where}: {text!r} must be a number")
+    return number
+
+
+def _word(text: str, where: str) -> str:
+    return text
+
+
+_MAP_OPTIONS: dict[str, Callable[[str, str], Any]] = {
+    "scale": _one,
+    "offset": _one,
+    "repeat": _pair,
+    "rotate": _one,
+    "shift": _pair,
+    "wrap": _word,
+    "channel": _word,
+}
 
 
 def parse_bins(text: str | None) -> dict[str, int]:

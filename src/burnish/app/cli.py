@@ -97,6 +97,16 @@ def change_options(command: Command) -> Command:
             help="Edits that a session has saved; made before every --set.",
         ),
         click.option(
+            "--set-map",
+            "maps",
+            metavar="OBJECT.LAYER.PARAM=[FILE][,KEY=VALUE…]",
+            multiple=True,
+            help="A picture (PNG, JPEG, EXR) in place of a parameter's value, or, without FILE, "
+            "the one that is there edited. KEY: scale, offset, repeat (4 or 4x2), rotate "
+            "(degrees), shift (0.1x0), wrap (repeat, clamp, mirror), channel (red, green, blue, "
+            "alpha). Before every --set.",
+        ),
+        click.option(
             "--set",
             "assignments",
             metavar="OBJECT.LAYER.PARAM=VALUE|light:NAME.PARAM=VALUE",

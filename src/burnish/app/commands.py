@@ -14,6 +14,7 @@ from burnish.app.assignments import (
     parse_assignments,
     parse_bins,
     parse_look,
+    parse_map,
     parse_resolution,
     parse_series,
     split_list,
@@ -23,6 +24,7 @@ from burnish.app.progress import progress_bar
 from burnish.core.errors import InvalidValue
 
 if TYPE_CHECKING:
+    from burnish.scene import Scene
     from burnish.session import Session
 
 Mode = Literal["baked", "direct", "relight"]
@@ -161,6 +163,7 @@ def render(
     edits: str | None,
     assignments: Sequence[str],
     looks: Sequence[str],
+    maps: Sequence[str],
     spp: int,
     resolution: str | None,
     seed: int,
@@ -175,7 +178,7 @@ def render(
     if opening.names_bundle(source):
         _no_mode(mode, None)
         session = opening.session_for(opening.open_bundle(source))
-        make_edits(session, edits, assignments, looks)
+        make_edits(session, edits, assignments, looks, maps)
         # With nothing selected every object is contracted at once
         session.select()
         image = session.frame(view)
@@ -183,13 +186,13 @@ def render(
         with progress_bar("relight") as progress:
             size = parse_resolution(resolution)
             session = burnish.edit(source, mode=mode, resolution=size, seed=seed, progress=progress)
-        make_edits(session, edits, assignments, looks)
+        make_edits(session, edits, assignments, looks, maps)
         session.select()
         image = session.frame(view)
     else:
         scene = burnish.load(source, resolution=parse_resolution(resolution))
         session = opening.edits_for(scene, 1 if mode == "direct" else None)
-        make_edits(session, edits, assignments, looks)
+        make_edits(session, edits, assignments, looks, maps)
         with progress_bar("path tracing") as progress:
             image = session.path_trace(view, spp, seed, progress)
     write_picture(place, image, tone)
@@ -202,6 +205,7 @@ def compare(
     edits: str | None,
     assignments: Sequence[str],
     looks: Sequence[str],
+    maps: Sequence[str],
     scene: str | None,
     spp: int,
     seed: int,
@@ -213,8 +217,10 @@ def compare(
 ) -> None:
     """`burnish compare`."""
     from burnish.app.comparison import compare_with_truth
+    from burnish.app.live import settle
     from burnish.reference import PathTracedTruth
 
+    live: Session | None = None
     place = check_destination(output) if output else None
     if place and place.suffix.lower() != ".png":
         raise InvalidValue(f"the sheet is a PNG; got {output!r}")
@@ -229,18 +235,26 @@ def compare(
             loaded = opening.scene_of(bundle, scene)
         else:
             loaded = burnish.load(source)
-            with progress_bar("bake") as progress:
-                bundle = burnish.bake(
-                    loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
-                )
-        session = opening.session_for(bundle)
-    make_edits(session, edits, assignments, looks)
-    bounces = next(iter(session.views.values())).basis.bounces
-    tracer = PathTracedTruth(loaded, None if all_bounces else bounces)
-    with progress_bar("path tracing") as progress:
-        found = compare_with_truth(
-            session, tracer, view=view, spp=spp, seed=seed, progress=progress
-        )
+            if mode is None and _moves_lights(loaded, edits, assignments):
+                # No bake shows that
+                live = burnish.edit(loaded)
+            else:
+                with progress_bar("bake") as progress:
+                    bundle = burnish.bake(
+                        loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
+                    )
+        session = live or opening.session_for(bundle)
+    with session:
+        make_edits(session, edits, assignments, looks, maps)
+        if live:
+            with progress_bar("live estimate") as progress:
+                settle(session, view, spp, progress)
+        bounces = next(iter(session.views.values())).basis.bounces
+        tracer = PathTracedTruth(loaded, None if all_bounces else bounces)
+        with progress_bar("path tracing") as progress:
+            found = compare_with_truth(
+                session, tracer, view=view, spp=spp, seed=seed, progress=progress
+            )
     if place:
         page = found.sheet()
         write_whole(place, lambda beside: page.save(beside, format="PNG"))
@@ -276,6 +290,7 @@ def export(
     edits: str | None,
     assignments: Sequence[str],
     looks: Sequence[str],
+    maps: Sequence[str],
     kind: str | None,
     objects: str | None,
     plugin: bool,
@@ -289,13 +304,13 @@ def export(
     if opening.names_bundle(source):
         bundle = opening.open_bundle(source)
         session = opening.session_for(bundle)
-        make_edits(session, edits, assignments, looks)
+        make_edits(session, edits, assignments, looks, maps)
         loaded = opening.scene_of(bundle, scene)
     else:
         loaded = burnish.load(source)
-        if edits or assignments or looks:
+        if edits or assignments or looks or maps:
             session = opening.edits_for(loaded)
-            make_edits(session, edits, assignments, looks)
+            make_edits(session, edits, assignments, looks, maps)
     chosen = split_list(objects) or None
     state = session.materials if session else None
     written = burnish.export(loaded, output, state, format=kind, objects=chosen, plugin=plugin)
@@ -322,8 +337,21 @@ def _no_mode(mode: Mode | None, triangles: int | None) -> None:
         )
 
 
+def _moves_lights(scene: Scene, edits: str | None, assignments: Sequence[str]) -> bool:
+    """Whether edits put a light where a bake of the scene does not have it."""
+    from burnish.materials.lights import placements
+
+    session = opening.edits_for(scene)
+    make_edits(session, edits, assignments)
+    return bool(placements(scene.lights, session.state))
+
+
 def make_edits(
-    session: Session, edits: str | None, assignments: Sequence[str], looks: Sequence[str] = ()
+    session: Session,
+    edits: str | None,
+    assignments: Sequence[str],
+    looks: Sequence[str] = (),
+    maps: Sequence[str] = (),
 ) -> None:
     """Make the edits of a file, of MaterialX files, then those of the command line."""
     from burnish.session.materialx import load_materialx
@@ -334,6 +362,8 @@ def make_edits(
     for object_id, file, material in map(parse_look, looks):
         for remark in load_materialx(session, file, object_id, material):
             click.echo(remark, err=True)
+    for path, picture, options in map(parse_map, maps):
+        session.set_map(path, picture, **options)
     for path, value in parsed:
         session.set(path, value)
 
@@ -348,7 +378,9 @@ def describe_info(said: dict[str, Any]) -> list[str]:
     lines.append(f"  series {','.join(map(str, said['series']))}, {said['bounces']} bounces")
     if "bytes" in said:
         lines.append(f"  {said['bytes'] / 1e6:.1f} MB on disk")
-    lines += [f"  light {light['id']} ({light['kind']})" for light in said["lights"]]
+    for light in said["lights"]:
+        lines.append(f"  light {light['id']} ({light['kind']})")
+        lines += _listed(light["parameters"])
     lines += [
         f"  light group {group['name']}: {', '.join(group['members'])}"
         for group in said["light_groups"]
@@ -360,12 +392,14 @@ def describe_info(said: dict[str, Any]) -> list[str]:
         lines.append(item["id"])
         for layer in item["layers"]:
             lines.append(f"  {layer['name']} ({layer['model']})")
-            width = max((len(name) for name in layer["parameters"]), default=0)
-            lines += [
-                f"    {name:{width}}  {_shown(parameter)}"
-                for name, parameter in layer["parameters"].items()
-            ]
+            lines += _listed(layer["parameters"])
     return lines
+
+
+def _listed(parameters: dict[str, Any]) -> list[str]:
+    """A line for each parameter, the values one under another."""
+    width = max((len(name) for name in parameters), default=0)
+    return [f"    {name:{width}}  {_shown(item)}" for name, item in parameters.items()]
 
 
 def _shown(parameter: dict[str, Any]) -> str:
@@ -373,7 +407,11 @@ def _shown(parameter: dict[str, Any]) -> str:
     value = parameter["value"]
     if "choices" in parameter:
         return f"{value}  one of {', '.join(parameter['choices'])}"
+    if isinstance(value, str):
+        return value or "the scene's own"
     numbers = value if isinstance(value, list) else [value]
     text = ",".join(f"{number:.4g}" for number in numbers)
     unit = f" {parameter['unit']}" if parameter["unit"] else ""
-    return f"{text}{unit}  in [{parameter['min']:g}, {parameter['max']:g}]"
+    found = parameter.get("map")
+    shown = f", a map of {found['width']} × {found['height']}" if found else ""
+    return f"{text}{unit}  in [{parameter['min']:g}, {parameter['max']:g}]{shown}"

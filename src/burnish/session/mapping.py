@@ -10,7 +10,14 @@ from pathlib import Path
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Value
 from burnish.materials.images.files import Channel, read_texels
-from burnish.materials.images.image import ImageMap, Place, Wrap, transform_of
+from burnish.materials.images.image import (
+    ImageMap,
+    Place,
+    Placement,
+    Wrap,
+    placed,
+    transform_of,
+)
 from burnish.materials.layer import Material, MaterialState
 from burnish.materials.models.plastic_base import PlasticBase
 from burnish.materials.names import Address, resolve, with_image
@@ -36,6 +43,9 @@ class MapEditing:
         scale: float | None = None,
         offset: float | None = None,
         transform: Sequence[float] | None = None,
+        repeat: float | tuple[float, float] | None = None,
+        rotate: float | None = None,
+        shift: tuple[float, float] | None = None,
         wrap: Wrap | None = None,
         channel: Channel = "",
     ) -> None:
@@ -45,12 +55,11 @@ class MapEditing:
         scalar takes one channel ("red", "green", "blue", "alpha", or the luminance), as it
         stands in the file; a colour takes all, sRGB where the file has eight or sixteen bits.
         Each point has scale · picture + offset, inside the parameter's limits; a colour times
-        the parameter's own value, which begins as white. transform: a, b, c, d, e, f of
-        u' = a u + b v + c, v' = d u + e v + f (see `burnish.materials.images.image.placed`).
-        wrap: "repeat", "clamp" or "mirror".
+        the parameter's own value, which begins as white. repeat, rotate, shift: how often it
+        lies along u and v, turned by degrees about the middle, moved; or transform: a, b, c, d,
+        e, f of u' = a u + b v + c, v' = d u + e v + f. wrap: "repeat", "clamp" or "mirror".
 
-        >>> session.set_map("floor.diffuse.color", "oak.jpg", transform=(4, 0, 0, 0, 4, 0))
-        ... # doctest: +SKIP
+        >>> session.set_map("floor.diffuse.color", "oak.jpg", repeat=4)          # doctest: +SKIP
         >>> session.set_map("helmet.specular.roughness", scale=0.5, offset=0.1)  # doctest: +SKIP
 
         Exact row by row where the object is met first; further on it counts by the mean of its
@@ -73,6 +82,11 @@ class MapEditing:
             image = replace(image, offset=float(offset))
         if transform is not None:
             image = replace(image, transform=transform_of(transform))
+        if (repeat, rotate, shift) != (None, None, None):
+            now = Placement.of(image.transform)
+            wide = (repeat, repeat) if isinstance(repeat, (int, float)) else repeat
+            turned = now.rotate if rotate is None else float(rotate)
+            image = replace(image, transform=placed(wide or now.repeat, turned, shift or now.shift))
         if wrap is not None:
             image = replace(image, wrap=wrap)
         if parameter.kind == "colour" and before is None:

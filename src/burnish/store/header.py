@@ -194,11 +194,15 @@ def _light_info(light: Light) -> Json:
 
 
 def _layer_info(material: Material, layer: Layer) -> Json:
-    values = material.initial.layers[layer.name].values
+    values, images = material.initial.layers[layer.name].values, material.initial.images
     parameters = {
         item.name: _parameter_info(item, values[item.name])
         for item in material.parameters(layer.name)
     }
+    for name, entry in parameters.items():
+        if (layer.name, name) in images:
+            height, width, _ = images[layer.name, name].texels.values.shape
+            entry["map"] = {"width": width, "height": height}
     return {
         "name": layer.name,
         "model": layer.model.name,

@@ -159,6 +159,25 @@ def placed(
     return a, b, c, d, e, f
 
 
+@dataclass(frozen=True)
+class Placement:
+    """What `placed` takes, of a transform without shear. rotate: degrees."""
+
+    repeat: tuple[float, float]
+    rotate: float
+    shift: tuple[float, float]
+
+    @staticmethod
+    def of(transform: Transform) -> Placement:
+        """Of a transform; where it shears, of the closest one that does not."""
+        a, b, c, d, e, f = transform
+        sign = 1.0 if a * e - b * d >= 0 else -1.0
+        repeat = math.hypot(a, b), sign * math.hypot(d, e)
+        rotate = math.atan2(b, a)
+        plain = placed(repeat, math.degrees(rotate))
+        return Placement(repeat, math.degrees(rotate), (c - plain[2], f - plain[5]))
+
+
 def _wrapped(index: Int64, count: int, wrap: Wrap) -> Int64:
     if wrap == "clamp":
         return np.clip(index, 0, count - 1)
