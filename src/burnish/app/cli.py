@@ -113,7 +113,7 @@ def change_options(command: Command) -> Command:
             multiple=True,
             help="One edit, may be given many times. VALUE: a number, R,G,B (linear), "
             "#rrggbb (sRGB) or a choice. PARAM may be weight too; a light has intensity, tint, "
-            "on and solo.",
+            "on, solo, and what `info` lists of it, such as position (X,Y,Z) or rotation.",
         ),
     ):
         command = option(command)

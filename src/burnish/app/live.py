@@ -8,6 +8,7 @@ import multiprocessing
 import shutil
 import tempfile
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 MOST_DEATHS = 3
 """Workers in a row that may end before they have published anything of a selection."""
 
+_POLL_SECONDS = 0.05
 PATIENCE_SECONDS = 300.0
 """How long to wait for a worker that compiles or traces before calling it stuck."""
 
@@ -60,6 +62,19 @@ def live_session(source: str | Path | Mapping[str, Any], **options: Any) -> Sess
     session.on_change(lambda: studio.follow(session.state))
     session.on_close(studio.close)
     return session
+
+
+def settle(session: Session, view: str | None, samples: int, progress: Progress) -> None:
+    """Wait until a live view has so many samples per pixel of the session's present look, with
+    nothing selected. Raises SceneError in the worker's words."""
+    session.select()
+    name = view or next(iter(session.views))
+    shown = session.views[name]
+    assert isinstance(shown, LiveView)
+    while not session.ready(name) or shown.samples < samples:
+        progress(min(shown.samples / samples, 1.0), f"{shown.samples} of {samples} samples")
+        time.sleep(_POLL_SECONDS)
+    progress(1.0, f"{shown.samples} samples")
 
 
 class LiveStudio:
