@@ -29,8 +29,8 @@ from burnish.transport.basis import Basis, initial_state
 from burnish.transport.compression import DEFAULT_TOLERANCE
 
 DEFAULT_SAMPLES = 256
-DIRECT_TOLERANCE = 0.002
-"""What is gathered has little noise to hide an error in, and is looked at more closely."""
+DIRECT_TOLERANCE = 0.02
+"""Of the scaled entries of blocks, see `direct.compress`: what is gathered has little noise."""
 
 PREVIEW_SIDE = 256
 """Pixels of the longer side of a bundle's preview, at most."""

@@ -17,6 +17,7 @@ import numpy as np
 from burnish.core.types import Float32, Float64, Int64
 from burnish.precompute.accumulate import Accumulator, Layout
 from burnish.precompute.bake import ViewPlan, drop_unused, strata, tile_seed
+from burnish.precompute.direct.compress import compress_rows
 from burnish.precompute.direct.gather import Mirror, ObjectLight
 from burnish.precompute.direct.lights import Lights, LightTables, find_lights
 from burnish.precompute.direct.points import RowPoints, find_points
@@ -24,7 +25,6 @@ from burnish.precompute.tracer import CELL
 from burnish.scene import Scene
 from burnish.transport.basis import Basis
 from burnish.transport.block import Block, Tile
-from burnish.transport.compression import compress_tile
 from burnish.transport.rows import Rows
 
 POINTS = 4
@@ -96,10 +96,12 @@ def gather_tile(
     blocks: list[Block] = []
     values = np.array(buffer, copy=False)[: layout.values * CELL]
     for run, T, mirror in zip(layout.runs, layout.split(values), mirrors, strict=True):
-        if not run.indirect:
-            _finish(T, basis, run.object, where.share[run.start : run.stop], mirror)
+        # One bounce reaches no row by way of another surface
+        if run.indirect or run.start == run.stop:
+            continue
+        _finish(T, basis, run.object, where.share[run.start : run.stop], mirror)
         which = np.arange(run.start, run.stop, dtype=np.int32)
-        blocks += compress_tile(T, rows, which, tracer.view.width, basis, tolerance)
+        blocks += compress_rows(T, rows, which, tracer.view.width, basis, tolerance)
     kept, blocks = drop_unused(rows, blocks)
     r = rectangle
     return Tile(r.x, r.y, r.width, r.height, kept, blocks, fixed, emission, samples, lost)
