@@ -136,6 +136,7 @@ def measure(session: Session, name: str, quick: bool) -> Found:
     with EditorServer(session) as server, chromium_page() as page:
         page.open(server.url, RECORD, 1280, 720)
         page.wait("document.querySelector('canvas') && !document.querySelector('.waiting')")
+        page.wait(f"named('[role=option]', {name!r})")
         page.evaluate(f"named('[role=option]', {name!r}).click()")
         page.wait("document.querySelector('.ball img')")
         page.evaluate("named('button:enabled', 'Denoise at rest')?.click()")
