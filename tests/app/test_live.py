@@ -114,6 +114,60 @@ def test_editing_an_object_selects_it(live: Session) -> None:
     live.undo()
 
 
+def test_a_moved_light_is_traced_anew(live: Session) -> None:
+    """The picture comes to be the path tracer's, and is what it was when the light is back."""
+    live.select("back")
+    live.frame()
+    until(lambda: view_of(live).samples >= 61)
+    before = _blocks(live.frame())
+    live.set("light:light.position", (4.4, 3.0, 2.0))
+    live.set("light:light.direction", (-1.0, -1.0, 0.0))
+    live.set("light:light.size", 2.0)
+    live.frame()
+    until(lambda: view_of(live).samples >= 61)
+    samples = view_of(live).samples
+    live.set("back.diffuse.color", (0.2, 0.4, 0.7))
+    moved = _blocks(live.frame())
+    assert view_of(live).samples >= samples
+    truth = _blocks(live.path_trace(spp=256, seed=1))
+    assert np.abs(moved - truth).mean() < 0.25 * np.abs(before - truth).mean()
+    live.reset()
+    live.frame()
+    until(lambda: view_of(live).samples >= 61)
+    assert np.abs(_blocks(live.frame()) - before).mean() < 0.25 * np.abs(before - truth).mean()
+
+
+ROOM = """<scene version="3.0.0">
+<sensor type="perspective"><transform name="to_world">
+  <lookat origin="0, -4, 0" target="0, 0, 0" up="0, 0, 1"/></transform></sensor>
+<shape type="sphere" id="ball"><bsdf type="diffuse"/></shape>
+<emitter type="envmap" id="sky"><string name="filename" value="grey.exr"/></emitter>
+</scene>"""
+
+
+def test_surroundings_are_replaced_and_a_file_that_is_none_is_said(tmp_path: Path) -> None:
+    from burnish.app.pictures import write_picture
+    from burnish.runtime.tonemap import ToneMap
+
+    for name, light in (("grey", 0.5), ("bright", 1.5)):
+        picture = np.full((4, 8, 3), light, np.float32)
+        write_picture(tmp_path / f"{name}.exr", picture, ToneMap())
+    (tmp_path / "broken.exr").write_text("nothing")
+    (tmp_path / "room.xml").write_text(ROOM)
+    with burnish.edit(tmp_path / "room.xml", resolution=(16, 16), series=(1, 1)) as session:
+        # A few hundred samples of the ball, each within half of the mean: some percent
+        before = session.frame().mean()
+        session.set("light:sky.file", str(tmp_path / "bright.exr"))
+        assert session.frame().mean() == pytest.approx(3 * before, rel=0.15)
+        session.set("light:sky.file", str(tmp_path / "broken.exr"))
+        with pytest.raises(BurnishError, match="cannot be read as an environment map"):
+            session.frame()
+        session.undo()
+        assert session.frame().mean() == pytest.approx(3 * before, rel=0.15)
+        session.reset()
+        assert session.frame().mean() == pytest.approx(before, rel=0.15)
+
+
 def test_a_killed_worker_comes_back(live: Session) -> None:
     live.select("floor")
     live.frame()

@@ -185,6 +185,22 @@ def test_lights_are_exported_as_they_are_mixed(
     np.testing.assert_allclose(fresh(place), own(room, state), rtol=1e-4, atol=1e-5)
 
 
+def test_moved_lights_are_exported_where_they_stand(
+    room: Scene, session: Session, fresh: Fresh, tmp_path: Path
+) -> None:
+    from burnish.materials.lights import each
+
+    lamp = next(group for group in each(room.lights) if group.name == "lamp")
+    moved = lamp.initial.set("position", (-1.0, -1.5, 2.5), lamp.key)
+    moved = moved.set("size", 0.7, lamp.key)
+    state = {**session.materials, lamp.key: moved}
+    place = tmp_path / "moved.xml"
+    burnish.export(room, place, state)
+    exported = fresh(place)
+    np.testing.assert_allclose(exported, own(room, state), rtol=1e-4, atol=1e-5)
+    assert abs(exported - own(room, session.materials)).max() > 0.1
+
+
 def test_a_scene_with_nothing_to_edit_is_exported_all_the_same(tmp_path: Path) -> None:
     scene = load(
         {

@@ -126,8 +126,8 @@ class LightState(MaterialState):
         )
 
     def set(self, parameter: str, value: object, where: str) -> LightState:
-        """The state with another value. Raises InvalidValue when it is out of range, and
-        MissingFile for a file that is not there."""
+        """The state with another value. Raises InvalidValue when it is out of range, UnknownName
+        for a parameter that it lacks, MissingFile for a file that is not there."""
         accepted: Any
         if parameter in self.values:
             accepted = TEMPLATES[parameter].validate(value, f"{where}.")
@@ -135,8 +135,10 @@ class LightState(MaterialState):
         if parameter in SWITCHES:
             accepted = _switch(value, f"{where}.{parameter}")
         else:
-            known = next(item for item in PARAMETERS if item.name == parameter)
-            accepted = known.validate(value, f"{where}.")
+            known = {item.name: item for item in PARAMETERS}
+            if parameter not in known:
+                raise UnknownName("light parameter", parameter, [*known, *SWITCHES, *self.values])
+            accepted = known[parameter].validate(value, f"{where}.")
         return replace(self, **{parameter: accepted})
 
 
