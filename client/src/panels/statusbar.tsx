@@ -9,6 +9,8 @@ import { gainOf } from "../viewer/view";
 const STOPS_LOW = -8;
 const STOPS_HIGH = 4;
 const BINS = 96;
+/** Pixels that the histogram looks at: enough for its bars' height in screen pixels. */
+const SAMPLES = 16000;
 const PAUSE_MS = 200;
 const NOISE =
   "Relative error (root mean square, linear light, without lamps in view) that noise leaves in the picture before denoising: " +
@@ -113,7 +115,8 @@ function paint(canvas: HTMLCanvasElement, frame: Frame): void {
   const counts = [0, 1, 2, 3].map(() => new Float32Array(BINS));
   const { pixels } = frame;
   const total = pixels.length / 3;
-  const step = Math.max(Math.floor(total / 60000), 1);
+  // Odd, so that no column of the picture is left out.
+  const step = Math.max(Math.floor(total / SAMPLES), 1) | 1;
   for (let i = 0; i < total; i += step) {
     const r = HALF[pixels[3 * i]!]! * gain[0];
     const g = HALF[pixels[3 * i + 1]!]! * gain[1];

@@ -45,6 +45,8 @@ from burnish.transport.frozen import Transport
 
 _CURVE_SAMPLES = 129
 _OUTGOING_SAMPLES = 46
+_NOTHING = 1e-30
+"""Smaller numbers are sent as 0."""
 
 
 def parameter(info: Parameter, initial: Value) -> ParameterInfo:
@@ -173,7 +175,7 @@ def values(material: Material, state: MaterialState) -> ObjectValues:
             for name, item in state.layers.items()
         },
         changed=bool(state.replacements) or state != material.initial,
-        albedo=_rgb(total_albedo(material, conserved(material, state))),
+        albedo=rgb_list(total_albedo(material, conserved(material, state))[None])[0],
     )
 
 
@@ -230,12 +232,9 @@ def object_numbers(session: Session, view: str, order: Mapping[str, int]) -> NDA
 
 def rgb_list(array: Float64) -> tuple[RGB, ...]:
     """[n, 3] as a tuple of colours, to six digits."""
-    return tuple(_rgb(row) for row in array)
-
-
-def _rgb(row: Float64) -> RGB:
-    r, g, b = (float(f"{x:.6g}") if math.isfinite(x) else 0.0 for x in row)
-    return r, g, b
+    x = np.where(np.isfinite(array) & (np.abs(array) > _NOTHING), array, 0.0)
+    size = 10.0 ** (5 - np.floor(np.log10(np.where(x == 0.0, 1.0, np.abs(x)))))
+    return tuple((r, g, b) for r, g, b in (np.round(x * size) / size).tolist())
 
 
 def _finite(x: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import types
@@ -21,8 +20,9 @@ _LONGEST = 100_000
 
 def encode(message: ServerMessage) -> str:
     """One message as JSON text with its type."""
-    fields = {"type": type(message).__name__, **dataclasses.asdict(message)}
-    return json.dumps(fields, separators=(",", ":"), allow_nan=False)
+    fields = {"type": type(message).__name__, **vars(message)}
+    # A dataclass in a message is its fields
+    return json.dumps(fields, separators=(",", ":"), allow_nan=False, default=vars)
 
 
 def decode(text: str | bytes) -> ClientMessage:
