@@ -59,6 +59,7 @@ def load(
     resolution: tuple[int, int] | None = None,
     by_bsdf: bool = False,
     materials: Mapping[str, Material] | None = None,
+    models: Mapping[str, str] | None = None,
     **parameters: object,
 ) -> Scene:
     """Load a scene: a Mitsuba 3 XML file, a Mitsuba dictionary or an example's name.
@@ -66,7 +67,8 @@ def load(
     editable: ids of the objects to keep editable, all that can be without it. variant:
     Mitsuba variant, chosen by itself without it. resolution: width and height in pixels
     instead of the films' own. by_bsdf: one object for all shapes that share a BSDF.
-    materials: by object id, materials to give objects in place of what the scene says.
+    materials: by object id, materials to give objects in place of what the scene says. models:
+    by "object.layer", reflectance models to give layers, such as "cook-torrance-curves".
     parameters: values for `$name` in the file.
 
     >>> scene = burnish.load("kitchen.xml", resolution=(640, 360))   # doctest: +SKIP
@@ -84,6 +86,7 @@ def load(
         resolution=resolution,
         by_bsdf=by_bsdf,
         materials=materials,
+        models=models,
         **parameters,
     )
 

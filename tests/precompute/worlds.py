@@ -10,8 +10,10 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
+from burnish.materials.models.ashikhmin_shirley_curves import AshikhminShirleyCurves
 from burnish.materials.models.blinn_phong import BlinnPhong
 from burnish.materials.models.cook_torrance import CookTorranceConductor
+from burnish.materials.models.cook_torrance_curves import CookTorranceCurves
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.pca.models import BlinnPhongComponents, CookTorranceComponents
 from burnish.scene import Scene
@@ -157,6 +159,22 @@ def by_components(side: int = 24) -> Scene:
         ("diffuse", Lambert(), {"color": RED}), ("specular", BlinnPhongComponents(), sharp)
     )
     wall = material(("specular", CookTorranceComponents(error=0.01), broad))
+    return corner({"floor": floor, "wall": wall}, side=side)
+
+
+def over_two_curves(side: int = 24) -> Scene:
+    """A metal whose Fresnel curve is a curve too, and both axes of a brushed wall."""
+    copper = {"eta": (0.2, 0.924, 1.102), "k": (3.912, 2.452, 2.142)}
+    floor = material(
+        ("diffuse", Lambert(), {"color": RED}),
+        (
+            "specular",
+            CookTorranceCurves(bins2=6),
+            {"color": (0.6, 0.6, 0.6), "roughness": 0.3, **copper},
+        ),
+    )
+    brushed = {"color": (0.3, 0.6, 0.6), "exponent_u": 60.0, "exponent_v": 6.0}
+    wall = material(("specular", AshikhminShirleyCurves(bins2=12), brushed))
     return corner({"floor": floor, "wall": wall}, side=side)
 
 

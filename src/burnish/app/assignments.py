@@ -107,6 +107,20 @@ _MAP_OPTIONS: dict[str, Callable[[str, str], Any]] = {
 }
 
 
+def parse_models(texts: Iterable[str]) -> dict[str, str]:
+    """Models by layer: "teapot.specular=cook-torrance-curves" each. Raises InvalidValue."""
+    result: dict[str, str] = {}
+    for text in texts:
+        path, equals, model = text.partition("=")
+        if not (equals and path.strip() and model.strip()):
+            raise InvalidValue(
+                "--model takes OBJECT.LAYER=MODEL, like teapot.specular=cook-torrance-curves; "
+                f"got {text!r}"
+            )
+        result[path.strip()] = model.strip()
+    return result
+
+
 def parse_bins(text: str | None) -> dict[str, int]:
     """Numbers of bins by object or layer: "A=256,B.specular=16". Raises InvalidValue."""
     result: dict[str, int] = {}

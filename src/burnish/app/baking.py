@@ -118,6 +118,8 @@ def describe(
         "scene_hash": scene.hash,
         "burnish": __version__,
     }
+    if models := scene.request.options.get("models"):
+        provenance["models"] = dict(models)
     if plans:
         provenance |= {"samples": sum(strata(samples)), "seed": seed, "tolerance": tolerance}
     return BundleHeader(

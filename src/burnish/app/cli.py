@@ -184,6 +184,14 @@ Examples:
 )
 @click.option("--bins", metavar="A=N,…", help="Other numbers of bins for an object or a layer.")
 @click.option(
+    "--model",
+    "models",
+    metavar="OBJECT.LAYER=MODEL",
+    multiple=True,
+    help="Another reflectance model for a layer, such as teapot.specular=cook-torrance-curves; "
+    "what can carries over.",
+)
+@click.option(
     "--light-groups",
     metavar="A,B,NAME=C+D|each",
     help="Lights to tell apart, up to four groups with the one of the others, so that materials "

@@ -14,6 +14,7 @@ from burnish.app.assignments import (
     parse_assignments,
     parse_bins,
     parse_look,
+    parse_models,
     parse_map,
     parse_resolution,
     parse_series,
@@ -96,6 +97,7 @@ def bake(
     bounces: int | None,
     series: str | None,
     bins: str | None,
+    models: Sequence[str],
     light_groups: str | None,
     spp: int | None,
     minutes: float | None,
@@ -123,7 +125,9 @@ def bake(
         raise InvalidValue(
             f"--mode relight is not stored: burnish edit {scene} --mode relight makes it anew"
         )
-    loaded = burnish.load(scene, resolution=parse_resolution(resolution))
+    loaded = burnish.load(
+        scene, resolution=parse_resolution(resolution), models=parse_models(models)
+    )
     try:
         with progress_bar("bake") as progress:
             bundle = burnish.bake(

@@ -106,7 +106,7 @@ def scene_of(bundle: Bundle, source: str | Path | None = None) -> Scene:
     wanted = bundle.header.provenance.get("scene_hash")
     view = bundle.header.views[0]
     for resolution in (None, (view.width, view.height)):
-        scene = load(place, resolution=resolution)
+        scene = load(place, resolution=resolution, models=bundle.header.provenance.get("models"))
         if scene.hash == wanted:
             return scene
     raise InvalidValue(

@@ -26,6 +26,7 @@ from burnish.scene.lights import SceneLight, changed, draft_lights, find_lights
 from burnish.scene.maps import WeightMap
 from burnish.scene.objects import Draft, SceneObject, bsdf_of, draft_objects, is_lamp
 from burnish.scene.placing import Placement
+from burnish.scene.remodel import remodelled
 from burnish.scene.tree import Tree
 from burnish.scene.views import View, prepare_sensors, views_of
 from burnish.scene.wrapping import BENDS
@@ -158,6 +159,7 @@ def load(
     resolution: tuple[int, int] | None = None,
     by_bsdf: bool = False,
     materials: Mapping[str, Material] | None = None,
+    models: Mapping[str, str] | None = None,
     **parameters: object,
 ) -> Scene:
     """Load a scene.
@@ -168,6 +170,7 @@ def load(
     resolution: width and height in pixels for every film, instead of the scene's own.
     by_bsdf: make one object of all shapes that share a BSDF.
     materials: by object id, materials of ours in place of the scene's (see `assign`).
+    models: by "object.layer", reflectance models in place of the scene's (see `remodel`).
     parameters: values for `$name` in the file, like Mitsuba's -D.
     Raises MissingFile, SceneError, InvalidValue, UnknownName or DeviceError, in one line
     with the remedy.
@@ -214,6 +217,9 @@ def load(
     if materials:
         loaded = assigned(loaded, materials)
         options["materials"] = dict(materials)
+    if models:
+        loaded = remodelled(loaded, models)
+        options["models"] = dict(models)
     if editable is not None:
         loaded = _restricted(loaded, editable)
     return replace(loaded, request=Request(scene, options | parameters))

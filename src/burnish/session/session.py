@@ -27,6 +27,7 @@ from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, Material, MaterialState
 from burnish.materials.lights import PREFIX, LightGroup, lights_in
 from burnish.materials.names import WEIGHT, resolve
+from burnish.materials.paths import resolve_layer
 from burnish.materials.reflectance import asymmetry
 from burnish.materials.replacement import replaced
 from burnish.materials.two_curves import check_two_curves

@@ -1,4 +1,4 @@
-"""Paths to layers, "object.layer"; `materials.names` resolves those to parameters."""
+"""Paths to layers, "object.layer"; `names` resolves those to parameters."""
 
 from __future__ import annotations
 
