@@ -526,6 +526,9 @@ def _remodelled(scene: Any, basis: Basis, state: State) -> tuple[Any, Basis]:
 
 def _words(error: Exception) -> str:
     """An error as a sentence; with the place where it arose when it is none of ours."""
+    # Dr.Jit's loops say only that something went wrong inside
+    while not isinstance(error, BurnishError) and isinstance(error.__cause__, Exception):
+        error = error.__cause__
     if isinstance(error, BurnishError):
         return str(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
