@@ -17,6 +17,7 @@ SMALL = {
     "match_a_picture": ["out.png", "--side", "24", "--spp", "64"],
     "gallery": ["out.png", "--height", "16", "--spp", "4", "--only", "earrings"],
     "light_mix": ["out.png", "--width", "32", "--spp", "16"],
+    "moving_lights": ["out.png", "--width", "24", "--spp", "16"],
     "painting": ["out.png", "--width", "32", "--spp", "16"],
     "own_model": ["out.png", "--side", "24", "--spp", "16"],
 }

@@ -59,6 +59,9 @@ def compare_with_truth(
         lights=session.lights,
         light_pictures=session.light_mix.tracer,
     )
+    if not session.light_mix.groups:
+        # Its views are lit as the state says, and nothing is mixed after them
+        fresh.light_mix = session.light_mix
     start = time.perf_counter()
     fresh.restore(session.state)
     image = fresh.frame(name)

@@ -127,7 +127,7 @@ class Actions:
         now = time.monotonic()
         if moves_a_light(path) and self._session.revision != before:
             if now - self._moved > _QUIET_SECONDS:
-                words = "The lights stand otherwise now: all light is being traced anew."
+                words = "The lights stand otherwise now: their light is being traced anew."
                 self._pages.to_all(m.Notice("info", words))
             self._moved = now
 
