@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from burnish.core.types import Bool, Int32
+from burnish.core.types import AnyArray, Bool, Float64, Int32
 from burnish.precompute.symbolic import NUMERIC, PLAIN
 from burnish.precompute.tracer import MIRROR_PDF, Tracer
 from burnish.transport.rows import POINTS, Rows
@@ -17,6 +17,9 @@ from burnish.transport.rows import POINTS, Rows
 SAMPLES = 32
 """Camera samples per pixel of the prepass. An object that covers less of a pixel than these
 can see is still found when a neighbouring pixel sees it."""
+
+ENOUGH = 8
+"""Samples of a row whose mean stands by itself."""
 
 LANES = 1 << 21
 
@@ -208,8 +211,35 @@ def _average_geometry(tracer: Tracer, seed: int, samples: int, rows: Rows) -> No
     length = np.linalg.norm(mean[:, 3:6], axis=1, keepdims=True)
     rows.normal[known] = mean[:, 3:6] / np.maximum(length, 1e-12)
     rows.uv[known] = mean[:, 6:8]
-    rows.cos_theta_o[known] = np.clip(mean[:, 8], 0, 1)
+    cosine = _steadied(tracer, rows, total[:, 9].astype(np.float64), total[:, 0])
+    rows.cos_theta_o[known] = np.clip(cosine[known], 0, 1)
     _borrow(rows, known, tracer.view.width)
+
+
+def _steadied(tracer: Tracer, rows: Rows, sums: Float64, counts: AnyArray) -> Float64:
+    """Mean outgoing cosines, those of rows that few samples met drawn towards their neighbours'.
+
+    At a silhouette a single sample may graze the surface, and then the row's factor s(θo) for a
+    much smoother surface would be hundreds of times too large.
+    sums, counts: of the samples of each row, [r]. Returns float64 [r].
+    """
+    width, height = tracer.view.width, tracer.view.height
+    table = row_table(rows, width * height, len(tracer.basis.objects))[:, :, 0]
+    few = np.flatnonzero((counts > 0) & (counts < ENOUGH))
+    y, x = np.divmod(rows.pixel[few], width)
+    near_sum, near_count = np.zeros(len(few)), np.zeros(len(few))
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            inside = (0 <= y + dy) & (y + dy < height) & (0 <= x + dx) & (x + dx < width)
+            pixel = np.where(inside, (y + dy) * width + x + dx, 0)
+            row = table[pixel, rows.object[few]]
+            use = inside & (row >= 0)
+            near_sum += np.where(use, sums[row], 0.0)
+            near_count += np.where(use, counts[row], 0.0)
+    result = sums / np.maximum(counts, 1)
+    lacking = ENOUGH - counts[few]
+    result[few] = (sums[few] + lacking * near_sum / near_count) / ENOUGH
+    return np.asarray(result)
 
 
 @dataclass
