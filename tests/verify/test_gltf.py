@@ -40,7 +40,7 @@ CASES = (
     *(Case("scenes/living-room/scene.xml", name) for name in ("Floor", "Sofa", "Paneling_6")),
     Case("scenes/dining-room/scene.xml", "Walls"),
     Case("scenes/veach-bidir/scene.xml", "Diffuse_0009"),
-    Case("gltf/boombox.glb", "BoomBox", limit=0.05, bake=524288),
+    Case("gltf/boombox.glb", "BoomBox", limit=0.05, bake=65536),
     Case("gltf/DamagedHelmet.glb", "node_damagedHelmet_-6514", limit=0.05, bake=131072),
     *(
         Case("gltf/ClearCoatTest.glb", name)

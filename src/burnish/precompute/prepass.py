@@ -230,7 +230,7 @@ def _steadied(tracer: Tracer, rows: Rows, sums: Float64, counts: AnyArray) -> Fl
     near_sum, near_count = np.zeros(len(few)), np.zeros(len(few))
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
-            inside = (0 <= y + dy) & (y + dy < height) & (0 <= x + dx) & (x + dx < width)
+            inside = (y + dy >= 0) & (y + dy < height) & (x + dx >= 0) & (x + dx < width)
             pixel = np.where(inside, (y + dy) * width + x + dx, 0)
             row = table[pixel, rows.object[few]]
             use = inside & (row >= 0)
