@@ -43,6 +43,7 @@ def relight_session(
     from burnish.reference.truth import PathTracedTruth
     from burnish.runtime.relight.transport import RelightView
     from burnish.scene import Scene, load
+    from burnish.scene.views import projection
     from burnish.session import ObjectInfo, Session
     from burnish.session.lightmix import LightMix
 
@@ -57,6 +58,8 @@ def relight_session(
     data = precompute(own, basis, settings=settings, progress=progress)
     studio = RelitScene(own, data)
     views = {name: RelightView(data, name, studio) for name in data.views}
+    for name, view in views.items():
+        view.camera = projection(scene.view(name))
     editable = {item.id: item.material for item in basis.objects}
     objects = [
         ObjectInfo(

@@ -43,6 +43,8 @@ class RelightView:
         self.data, self.name, self.direct = data, name, direct
         self.view: GatherView = data.views[name]
         self.interactive: Callable[[], bool] = lambda: False
+        self.camera: tuple[float, ...] = ()
+        """From the world to pixels, [3, 4] row by row: what handles on lights are drawn by."""
         self.emission: Float32 = np.zeros((self.height, self.width, 3), np.float32)
         self._revision, self._level, self._dirty = 0, len(LEVELS) - 1, False
         self._key: object = None
