@@ -40,7 +40,6 @@ from burnish.session.lighting import Lighting, shown
 from burnish.session.lightmix import LightMix
 from burnish.session.mapping import MapEditing, own_maps
 from burnish.session.painting import BrushOptions, PaintStroke, paint_whole, painting
-from burnish.session.paths import resolve_layer
 from burnish.session.pictures import ViewPictures
 from burnish.session.surface import Surface
 from burnish.transport.basis import State, initial_state
