@@ -267,7 +267,10 @@ def _edited_layer(
             drawn = None if value is None else Curve.from_json(_mapping(value, field))
             if key == "second_curve" and drawn is not None:
                 check_two_curves(material.layer(name).model, where)
-            layer = replace(layer, **{key: drawn})
+            if key == "second_curve":
+                layer = replace(layer, second_curve=drawn)
+            else:
+                layer = replace(layer, outgoing_curve=drawn)
         elif key == "enabled":
             layer = replace(layer, enabled=_boolean(value, f"{where}.enabled"))
         elif key == "weight":
