@@ -104,12 +104,13 @@ class Components:
 
     tables: float64 [k, *SHAPE], BRDFs at the grid. errors: float64 [most], the relative RMS
     over the members with the first 1, 2, … components. worst: float64 [most], that of the
-    worst member.
+    worst member. sizes: float64 [k], the RMS of each a_k over members of the same brightness.
     """
 
     tables: Float64
     errors: Float64
     worst: Float64
+    sizes: Float64
 
     @cached_property
     def damped(self) -> Float64:
@@ -146,4 +147,7 @@ def principal(members: Float64, error: float, most: int = 64) -> Components:
     first = whole.mean(axis=0)
     residual = whole - np.outer(rows @ direction, first / np.linalg.norm(mean))
     tables = np.concatenate([first[None], found.mixing.T @ residual])
-    return Components(tables.reshape(-1, *SHAPE), found.errors, found.worst)
+    # What a member of size one is made of
+    shares = [rows @ direction / np.linalg.norm(mean), *(rest @ (rest.T @ found.mixing)).T]
+    sizes = np.sqrt((np.stack(shares) ** 2).mean(axis=1))
+    return Components(tables.reshape(-1, *SHAPE), found.errors, found.worst, sizes)

@@ -22,6 +22,7 @@ from burnish.materials.measured.models import (
     MeasuredSpecular,
 )
 from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
+from burnish.materials.measured.space import MeasuredSpace
 from burnish.materials.model import Model
 from burnish.materials.models.ashikhmin_shirley import (
     AshikhminShirleyRatio,
@@ -82,6 +83,7 @@ MODELS: dict[str, type[Model]] = {
         MeasuredFresnel,
         MeasuredHalf,
         MeasuredIncident,
+        MeasuredSpace,
         MeasuredHalfDifference,
         MeasuredHomomorphic,
         PrincipledBase,

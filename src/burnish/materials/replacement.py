@@ -33,6 +33,7 @@ from burnish.materials.measured.models import (
     MeasuredSpecular,
 )
 from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
+from burnish.materials.measured.space import MeasuredSpace
 from burnish.materials.model import Model
 from burnish.materials.models.family import Family
 from burnish.materials.models.plastic_base import PlasticBase
@@ -56,6 +57,7 @@ _NOT_ALONE = (
     MeasuredIncident,
     MeasuredHalfDifference,
     MeasuredHomomorphic,
+    MeasuredSpace,
     PlasticBase,
     PrincipledBase,
     PrincipledCoat,

@@ -70,7 +70,7 @@ class ReflectanceTable:
     @cached_property
     def samples(self) -> Float32:
         """`filled` with φd's last cell before its first and its first after its last."""
-        return np.concatenate([self.filled[..., -1:], self.filled, self.filled[..., :1]], axis=3)
+        return closed(self.filled)
 
     def angles(self) -> tuple[Float64, Float64, Float64]:
         """θh, θd and φd of the cell centres, radians: float64 [h], [d], [p]."""
@@ -89,10 +89,13 @@ class ReflectanceTable:
 
     def evaluate(self, xp: Maths, wi: Any, wo: Any) -> list[Any]:
         """The interpolated reflectance of each channel, in 1/sr, without the cosine."""
+        return xp.lookup3(self.samples, *self.place(xp, wi, wo))
+
+    def place(self, xp: Maths, wi: Any, wo: Any) -> tuple[Any, Any, Any]:
+        """Where a pair of directions lies in `samples`: 0 to 1 along each axis."""
         half, difference, azimuth = half_difference(xp, wi, wo)
         _, h, d, p = self.raw.shape
-        return xp.lookup3(
-            self.samples,
+        return (
             (xp.sqrt(half) * h - 0.5) / (h - 1),
             (difference * d - 0.5) / (d - 1),
             (azimuth * p + 0.5) / (p + 1),
@@ -113,6 +116,11 @@ class ReflectanceTable:
             self.scale, (3,) + (1,) * np.ndim(wi.z)
         )
         return np.where(self.valid[cells], values, np.nan)
+
+
+def closed(cells: Float32) -> Float32:
+    """Cells [..., p] with the last one before the first and the first after the last."""
+    return np.concatenate([cells[..., -1:], cells, cells[..., :1]], axis=-1)
 
 
 _AXES = ((-1, 1, 1), (1, -1, 1), (1, 1, -1))

@@ -46,6 +46,7 @@ class Family(Model):
 
     coordinate_maximum = np.pi / 2
     lobe = "half"
+    quadrature_points = 256
     levels: ClassVar[Mapping[str, Sequence[float]]]
     """The values at which each scalar parameter is sampled."""
 
@@ -108,7 +109,7 @@ class Family(Model):
         return np.asarray(a[:, :1] + a[:, 1:] * colour)
 
     def amplitude_sizes(self) -> Float64:
-        return _sizes(self)
+        return self.components.sizes
 
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
         return np.ones((len(t), 1))
@@ -121,15 +122,6 @@ class Family(Model):
 @lru_cache(maxsize=32)
 def _components(family: Family) -> Components:
     return principal(family.members(), family.error)
-
-
-@lru_cache(maxsize=32)
-def _sizes(family: Family) -> Float64:
-    members = family.members()
-    norms = np.sqrt((members**2 * grid().weight).sum(axis=(1, 2, 3)))
-    used = norms > 1e-12 * norms.max()
-    a = family.components.project(np.moveaxis(members[used], 0, -1)) / norms[used]
-    return np.asarray(np.sqrt((a**2).mean(axis=1)))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ class ComponentModel(Model):
 
     coordinate_maximum = np.pi / 2
     lobe = "half"
+    quadrature_points = 256
     gamma: ClassVar[str]
     """The name of the parameter that is edited."""
 
