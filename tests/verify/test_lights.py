@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 import burnish
-from burnish.materials.lights import LightState
+from burnish.materials.lights import LightState, placements
 from burnish.precompute.plan import basis_for
 from burnish.reference import PathTracedTruth
 from burnish.scene import Scene
+from burnish.scene.moving import LightMover
 from burnish.transport.basis import initial_state
 from tests.precompute.pictures import Look, pictures, same
 from tests.precompute.test_lights import lamp_and_window, mixed_state, two_lamps
+from tests.precompute.test_moved_lights import repainted, room, with_lights
 from tests.verify.report import Figures
 
 pytestmark = pytest.mark.verify
@@ -48,6 +50,38 @@ def test_mixes_are_mitsuba_s(figures: Figures, scene: Callable[[int], Scene]) ->
         what = f"{name}, mix {n}"
         figures.equal(what, same(picture, theirs), picture.mean, theirs.reflected)
         figures.different(f"{what}: the unmixed picture", same(unmixed, theirs))
+
+
+def test_moved_lights_are_mitsuba_s(figures: Figures) -> None:
+    """Ten random placements of a lamp, a spot and an environment at once, the floor repainted:
+    the estimate with the lights moved in place, against Mitsuba's scene described anew."""
+    scene = room(moved=False, side=SIDE)
+    basis = basis_for(scene, None, (1, 1, 1, 1))
+    state, rng, mover = repainted(basis), np.random.default_rng(11), LightMover(scene)
+    truth = PathTracedTruth(scene, bounces=4)
+    before = truth.estimate(state, spp=SPP // 4, seed=7)
+    for number in range(10):
+        moves = {
+            "lamp": {
+                "position": rng.uniform((-1.5, -1.0, 1.0), (1.5, 1.5, 3.5)),
+                "direction": rng.normal(size=3) - (0.0, 0.0, 2.0),
+                "size": rng.uniform(0.3, 1.5),
+            },
+            "spot": {
+                "position": rng.uniform((-2.0, -2.0, 1.5), (2.0, 0.0, 4.0)),
+                "direction": rng.normal(size=3) * 0.4 + (0.0, 0.5, -1.0),
+                "cutoff_angle": rng.uniform(10.0, 60.0),
+            },
+            "window": {"rotation": rng.uniform(-180.0, 180.0)},
+        }
+        moved = with_lights(scene, state, moves)
+        theirs = truth.estimate(moved, spp=SPP // 4, seed=8 + number)
+        mover.place(placements(scene.lights, moved))
+        (ours,) = pictures(scene, basis, [Look(state)], spp=SPP // 4, per_pass=64)
+        mover.place({})
+        what = f"lights moved, {number}"
+        figures.equal(what, same(ours, theirs), ours.mean, theirs.reflected)
+        figures.different(f"{what}: where they were", same(ours, before))
 
 
 def test_a_bake_sums_to_its_unmixed_picture(figures: Figures, tmp_path: Path) -> None:
