@@ -79,9 +79,10 @@ export interface ViewData {
   camera: number[];
 }
 
-/** What is set on a layer. */
+/** What is set on a layer. maps: of the parameters that have one. */
 export interface LayerValues {
   values: Record<string, number | [number, number, number] | string>;
+  maps: Record<string, MapData>;
   curve: CurveData | null;
   outgoing_curve: CurveData | null;
   second_curve: CurveData | null;
@@ -178,6 +179,17 @@ export interface BrushData {
   meaning: string;
 }
 
+/** How a picture in place of a value lies and is edited: scale · picture + offset. file: ""
+ * for the scene's own. repeat: along u and v. rotate: degrees. */
+export interface MapData {
+  file: string;
+  channel: "" | "red" | "green" | "blue" | "alpha";
+  scale: number;
+  offset: number;
+  repeat: [number, number];
+  rotate: number;
+}
+
 /** First on every connection. client: a page's own name, kept when it reconnects. */
 export interface Hello {
   type: "Hello";
@@ -244,6 +256,21 @@ export interface SetModel {
   type: "SetModel";
   layer: string;
   model: string;
+}
+
+/** Put a picture in place of the value of "object.layer.parameter", or with a file of null
+ * lay the one that is there as told; see `Session.set_map`. */
+export interface SetMap {
+  type: "SetMap";
+  path: string;
+  file: string | null;
+  map: MapData;
+}
+
+/** Give "object.layer.parameter" one value again. */
+export interface ClearMap {
+  type: "ClearMap";
+  path: string;
 }
 
 /** Give "object.layer" the reflectance of a metal, a name of Welcome.metals. */
@@ -520,6 +547,8 @@ export type ToServer =
   | SetOutgoingCurve
   | SetSecondCurve
   | SetModel
+  | SetMap
+  | ClearMap
   | SetMetal
   | SetEnabled
   | SetWeight

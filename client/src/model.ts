@@ -12,6 +12,7 @@ import type {
   FromServer,
   LayerInfo,
   Lights,
+  MapData,
   ObjectData,
   ObjectValues,
   Progress,
@@ -274,6 +275,11 @@ export function endDrag(): void {
 
 export const setValue = (path: string, value: Value): void =>
   connection.sendLatest(`value ${path}`, { type: "SetValue", path, value });
+export const setMap = (path: string, file: string | null, map: MapData): void =>
+  file === null
+    ? connection.sendLatest(`map ${path}`, { type: "SetMap", path, file, map })
+    : connection.send({ type: "SetMap", path, file, map });
+export const clearMap = (path: string): void => connection.send({ type: "ClearMap", path });
 export const setWeight = (layer: string, weight: number): void =>
   connection.sendLatest(`weight ${layer}`, { type: "SetWeight", layer, weight });
 export const setCurve = (layer: string, curve: CurveData | null): void =>

@@ -94,6 +94,7 @@ function Layer({ path, info, values, count }: { path: string; info: LayerInfo; v
               info={parameter}
               fresnel={info.fresnel}
               value={values.values[parameter.name] ?? parameter.default}
+              map={values.maps[parameter.name] ?? null}
             />
           ))}
           <Slider

@@ -1,8 +1,9 @@
 // One parameter of a layer: slider, colour or choice, built from its description.
 import { Colour } from "../controls/colour";
 import { Slider } from "../controls/slider";
-import type { LayerInfo, ParameterInfo, RGB, Value } from "../messages";
+import type { LayerInfo, MapData, ParameterInfo, RGB, Value } from "../messages";
 import * as model from "../model";
+import { Mapped } from "./mapped";
 
 /** "specular_ior" as "Specular ior", with the usual capitals. */
 export function label(name: string): string {
@@ -10,7 +11,28 @@ export function label(name: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
-export function Parameter({ path, info, value, fresnel }: { path: string; info: ParameterInfo; value: Value; fresnel: LayerInfo["fresnel"] }) {
+interface Props {
+  path: string;
+  info: ParameterInfo;
+  value: Value;
+  fresnel: LayerInfo["fresnel"];
+  /** The picture in its place; undefined where it can have none. */
+  map?: MapData | null;
+}
+
+export function Parameter(props: Props) {
+  const { path, info, map } = props;
+  const pictured = map !== undefined && (info.kind === "colour" || info.kind === "scalar");
+  return pictured ? (
+    <Mapped path={path} name={label(info.name)} map={map} colour={info.kind === "colour"}>
+      <Plain {...props} />
+    </Mapped>
+  ) : (
+    <Plain {...props} />
+  );
+}
+
+function Plain({ path, info, value, fresnel }: Props) {
   const reset = () => model.reset(path);
   if (info.kind === "colour") {
     return (

@@ -261,7 +261,7 @@ class LiveStudio:
         """Ask for an estimate with these objects symbolic, unless it is the one that runs."""
         placed = placements(self.opened.lights, state)
         state = without_lights(state)
-        initial = initial_state(self.opened.basis.objects)
+        initial = unpainted(initial_state(self.opened.basis.objects))
         edited = tuple(
             name for name in initial if name not in targets and state[name] != initial[name]
         )
@@ -356,6 +356,8 @@ class LiveStudio:
 class LiveView:
     """A `Transport` whose estimate grows while it is used."""
 
+    traces_the_scene = True
+    """What is not selected and as the scene has it is traced with the scene's own BSDF."""
     remodels = True
     """A layer can be given another model: the selection is traced anew."""
     relights = True
@@ -408,8 +410,9 @@ class LiveView:
             self._studio.check()
             return self.samples > 0
 
-    def freeze(self, targets: tuple[int, ...], state: State) -> Frozen:
+    def freeze(self, targets: tuple[int, ...], state: State, fine: tuple[int, ...] = ()) -> Frozen:
         """The current estimate; waits for the first samples of a new selection."""
+        targets = tuple(sorted({*targets, *fine}))
         ids = tuple(self.basis.objects[i].id for i in targets)
         with self._studio.lock:
             self._studio.select(ids, state)

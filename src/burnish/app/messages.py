@@ -40,6 +40,19 @@ class CurveData:
     values: tuple[RGB, ...]
 
 
+@dataclass(frozen=True)
+class MapData:
+    """How a picture in place of a value lies and is edited: scale · picture + offset. file: ""
+    for the scene's own. repeat: along u and v. rotate: degrees."""
+
+    file: str
+    channel: Literal["", "red", "green", "blue", "alpha"]
+    scale: float
+    offset: float
+    repeat: tuple[float, float]
+    rotate: float
+
+
 # -- from the page -------------------------------------------------------------------------
 
 
@@ -94,6 +107,23 @@ class SetValue(ClientMessage):
 
     path: str
     value: Value
+
+
+@dataclass(frozen=True)
+class SetMap(ClientMessage):
+    """Put a picture in place of the value of "object.layer.parameter", or with a file of null
+    lay the one that is there as told; see `Session.set_map`."""
+
+    path: str
+    file: str | None
+    map: MapData
+
+
+@dataclass(frozen=True)
+class ClearMap(ClientMessage):
+    """Give "object.layer.parameter" one value again."""
+
+    path: str
 
 
 @dataclass(frozen=True)
@@ -382,9 +412,10 @@ class ViewData:
 
 @dataclass(frozen=True)
 class LayerValues:
-    """What is set on a layer."""
+    """What is set on a layer. maps: of the parameters that have one."""
 
     values: Mapping[str, Value]
+    maps: Mapping[str, MapData]
     curve: CurveData | None
     outgoing_curve: CurveData | None
     second_curve: CurveData | None
@@ -627,7 +658,7 @@ class FrameHeader:
 
 CLIENT_MESSAGES: tuple[type[ClientMessage], ...] = (
     Hello, Watch, Shown, Select, Gesture, SetValue, SetCurve, SetOutgoingCurve, SetSecondCurve,
-    SetModel,
+    SetModel, SetMap, ClearMap,
     SetMetal, SetEnabled, SetWeight, Solo, Reset, Undo, Redo, GoTo, TakeSnapshot, RestoreSnapshot,
     ForgetSnapshot, CompareSnapshot, PathTrace, CancelPathTrace, LoadEdits, Recover, Inspect,
     Denoise, PaintBegin, PaintTo, PaintEnd, PaintWhole,
@@ -641,5 +672,5 @@ SERVER_MESSAGES: tuple[type[ServerMessage], ...] = (
 SHARED = (
     CurveData, ParameterInfo, LayerInfo, ModelInfo, MetalInfo, ObjectData, ViewData, LayerValues,
     ObjectValues, LightData, SnapshotData, LayerCurve, FrameHeader, BrushSettings,
-    BrushData,
+    BrushData, MapData,
 )  # fmt: skip

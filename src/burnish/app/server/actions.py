@@ -53,6 +53,10 @@ class Actions:
                 self.gesture(box if active else None)
             case m.SetValue(path=path, value=value):
                 self._set_value(path, value)
+            case m.SetMap(path=path, file=file, map=lies):
+                self._set_map(path, file, lies)
+            case m.ClearMap(path=path):
+                session.clear_map(path)
             case m.SetCurve(layer=layer, curve=curve):
                 session.set_curve(layer, describe.curve_from(curve))
             case m.SetOutgoingCurve(layer=layer, curve=curve):
@@ -130,6 +134,19 @@ class Actions:
                 words = "The lights stand otherwise now: their light is being traced anew."
                 self._pages.to_all(m.Notice("info", words))
             self._moved = now
+
+    def _set_map(self, path: str, file: str | None, wanted: m.MapData) -> None:
+        """A new picture is laid as it comes; the one that is there as wanted."""
+        if file is not None:
+            self._session.set_map(path, file, channel=wanted.channel)
+            return
+        self._session.set_map(
+            path,
+            scale=wanted.scale,
+            offset=wanted.offset,
+            repeat=wanted.repeat,
+            rotate=wanted.rotate,
+        )
 
     def _set_model(self, path: str, model: str) -> None:
         before = self._session.revision

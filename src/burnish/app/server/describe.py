@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from burnish.app.messages import (
     LayerCurve,
     LayerInfo,
     LayerValues,
+    MapData,
     MetalInfo,
     ModelInfo,
     ObjectData,
@@ -35,6 +36,8 @@ from burnish.core.types import Float64
 from burnish.materials.coefficients import conserved
 from burnish.materials.curve import Curve
 from burnish.materials.fresnel import METALS, takes_normal_reflectance
+from burnish.materials.images.files import Channel
+from burnish.materials.images.image import ImageMap, Placement
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.model import Model
 from burnish.materials.parameter import Parameter
@@ -166,6 +169,11 @@ def values(material: Material, state: MaterialState) -> ObjectValues:
         layers={
             name: LayerValues(
                 dict(item.values),
+                {
+                    place[1]: map_data(image)
+                    for place, image in state.images.items()
+                    if place[0] == name
+                },
                 curve(item.curve),
                 curve(item.outgoing_curve),
                 curve(item.second_curve),
@@ -177,6 +185,13 @@ def values(material: Material, state: MaterialState) -> ObjectValues:
         changed=bool(state.replacements) or state != material.initial,
         albedo=rgb_list(total_albedo(material, conserved(material, state))[None])[0],
     )
+
+
+def map_data(image: ImageMap) -> MapData:
+    """A map in a page's words."""
+    lies = Placement.of(image.transform)
+    channel = cast(Channel, image.channel)
+    return MapData(image.source, channel, image.scale, image.offset, lies.repeat, lies.rotate)
 
 
 def curve(item: Curve | None) -> CurveData | None:

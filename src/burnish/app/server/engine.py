@@ -259,6 +259,8 @@ def _slot(item: object) -> tuple[object, ...] | None:
     match item:
         case m.SetValue(path=path):
             return "value", path
+        case m.SetMap(path=path, file=None):
+            return "map", path
         case m.SetCurve(layer=layer):
             return "curve", layer
         case m.SetOutgoingCurve(layer=layer):
