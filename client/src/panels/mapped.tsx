@@ -51,7 +51,7 @@ function MapBoxes({ path, name, map, colour }: Omit<Props, "children">) {
   );
   return (
     <div class="map-boxes">
-      <FileBox label={`Picture of ${name}`} value={now.file} tip="A PNG, JPEG or EXR file; Enter loads it" onChange={load} onReset={() => model.reset(path)} />
+      <FileBox label="Picture" value={now.file} tip="A PNG, JPEG or EXR file; Enter loads it" onChange={load} onReset={() => model.reset(path)} />
       {map && (
         <div class="map-numbers">
           {box("Scale", now.scale, (scale) => ({ scale }))}
