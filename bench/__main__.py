@@ -25,6 +25,7 @@ BENCHES = {
     "incremental": "bench.incremental",
     "live": "bench.live",
     "live-drag": "bench.live_drag",
+    "relight": "bench.relight",
     "editor": "bench.editor",
 }
 

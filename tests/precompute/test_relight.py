@@ -76,7 +76,7 @@ def relit() -> tuple[Scene, RelitScene]:
 
 def indirect_of(relit: RelitScene, state: State) -> Float32:
     data = relit.data
-    light = cell_light(data, relit.irradiance(state, 8), state)
+    light = cell_light(data, relit.irradiance(state, 8), relit.emission(state), state)
     return indirect(data, data.views["view"], light.radiance[0], state)
 
 
@@ -146,9 +146,9 @@ def test_an_open_albedo_is_a_polynomial(relit: tuple[Scene, RelitScene]) -> None
     direct = relit[1]
     data: GatherData = direct.data
     state = initial_state(data.basis.objects)
-    light = direct.irradiance(state, 8)
-    settled = cell_light(data, light, state).radiance[0]
-    opened = cell_light(data, light, state, (0,))
+    light = direct.irradiance(state, 8), direct.emission(state)
+    settled = cell_light(data, *light, state).radiance[0]
+    opened = cell_light(data, *light, state, (0,))
     values = opened.monomials.evaluate(data.basis.albedos(state)[[0]])
     summed = np.einsum("zgh,zh->gh", opened.radiance, values.astype(np.float32))
     # Sums of at most four products in float32

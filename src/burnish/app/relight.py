@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from burnish.core.types import Crop, Float32, Progress
 from burnish.materials.lights import each
@@ -14,11 +17,14 @@ if TYPE_CHECKING:
     from burnish.precompute.relight.studio import RelitScene
     from burnish.reference.truth import PathTracedTruth
     from burnish.scene import Scene
+    from burnish.scene.lights import SceneLight
     from burnish.session import Session
 
 SERIES = (16, 1, 1, 1)
 """Bins of a layer, and as many further bounces as there are ones."""
 SAMPLES = 16384
+AWAY = 8.0
+"""How many times the size of a scene its lamps are put away."""
 
 
 def relight_session(
@@ -55,7 +61,8 @@ def relight_session(
         scene, own = load(source, **options), load(source, **options)
     basis = basis_for(own, None, series)
     settings = Settings(samples=samples, rays=rays, seed=seed)
-    data = precompute(own, basis, settings=settings, progress=progress)
+    with without_lamps(own):
+        data = precompute(own, basis, settings=settings, progress=progress, lit=scene)
     studio = RelitScene(own, data)
     views = {name: RelightView(data, name, studio) for name in data.views}
     for name, view in views.items():
@@ -78,6 +85,30 @@ def relight_session(
         view.interactive = lambda: session.light_mix.background
         session.on_change(lambda view=view: view.follow(session.state))  # type: ignore[misc]
     return session
+
+
+@contextmanager
+def without_lamps(scene: Scene) -> Iterator[None]:
+    """Put a scene's lamps far away for a while: light that comes round then passes where they
+    stand, and where they may come to stand."""
+    from burnish.scene.moving import LightMover
+
+    box = scene.mi_scene.bbox()
+    far = float(np.linalg.norm(np.asarray(box.extents()))) * AWAY
+    mover = LightMover(scene)
+    mover.place(
+        {
+            light.name: {"position": (far, far, far)}
+            for light in scene.lights
+            if light.kind == "area" and light.shapes and "position" in _names(light)
+        }
+    )
+    yield
+    mover.place({})
+
+
+def _names(light: SceneLight) -> list[str]:
+    return [item.name for item in light.parameters]
 
 
 class RelightTruth:

@@ -110,6 +110,9 @@ class RowTransfer:
 class GatherSamples:
     """The cells' samples, in the order of the tree's leaves; p points in each cell.
 
+    Some cells are no surface that is lit but what glossy objects show of the lights: parts of
+    the sky, whose points are directions, and whole lamps (`shows`, `through`).
+
     position, normal: float32 [g, 3], world space, the normal on the side that is seen; area:
     float32 [g]; glossy: bool [g], found by a glossy reflection. object: int32 [g], index into
     the scene's objects.
@@ -117,6 +120,8 @@ class GatherSamples:
     shading normal and the true one.
     variable: int32 [g, v], of the polynomial, -1 for none. reflects: float32 [g, p, v, 3], the
     weight map of each at the points. fixed: float32 [g, p, 3], the albedo of what is no variable.
+    shows: int32 [g], which of the scene's lights the cell shows, -1 for surfaces; through: int32
+    [g], the object of the basis that shows it.
     """
 
     position: Float32
@@ -130,6 +135,8 @@ class GatherSamples:
     variable: Int32
     reflects: Float32
     fixed: Float32
+    shows: Int32
+    through: Int32
 
     def __len__(self) -> int:
         return len(self.area)

@@ -54,8 +54,13 @@ class DirectLight(Protocol):
     samples: at least so many, per pixel or per point; more are added to those that are there.
     """
 
-    def irradiance(self, state: State, samples: int) -> Float32:
-        """At the points of all gather samples: float32 [g, p, 3], linear RGB."""
+    def irradiance(self, state: State, samples: int) -> tuple[Float32, Float32]:
+        """At the points of all gather samples: float32 [g, p, 3], linear RGB. Of all lights,
+        and of those that cells of the sky and of lamps show themselves."""
+        ...
+
+    def emission(self, state: State) -> Float32:
+        """What cells of the sky and of lamps show: float32 [g, 3], linear RGB."""
         ...
 
     def picture(

@@ -14,6 +14,7 @@ from burnish.materials.layer import Layer
 from burnish.precompute.prepass import find_rows
 from burnish.precompute.relight.blocks import Block, Compressor, neighbourhoods, transfer_of
 from burnish.precompute.relight.cells import CellFinder
+from burnish.precompute.relight.onward import Onward, OnwardCells
 from burnish.precompute.relight.paths import Camera, Paths
 from burnish.precompute.relight.rays import Samples, from_cells, from_rows
 from burnish.precompute.relight.shooting import shoot
@@ -60,11 +61,13 @@ def precompute(
     views: Sequence[str] | None = None,
     settings: Settings | None = None,
     progress: Progress | None = None,
+    lit: Scene | None = None,
 ) -> GatherData:
     """The transfer of some views of a scene (all of them without a choice).
 
     basis: what can be edited; its length of series counts the bounces. progress: called with the
-    fraction done; may raise to cancel.
+    fraction done; may raise to cancel. lit: the same scene with its lamps in place, where
+    those of `scene` have been put away so that nothing stands in their shadow.
     """
     settings = settings or Settings()
     report = progress or (lambda fraction, what: None)
@@ -74,7 +77,10 @@ def precompute(
     materials = SymbolicMaterials(scene, tracing)
     paths = Paths(scene, materials)
     report(0.0, "shooting gather samples")
-    tree, samples, finder = shoot(scene, chosen, paths, settings.samples, settings.seed)
+    onward = Onward(lit or scene, tracing)
+    tree, samples, finder, shown = shoot(
+        scene, chosen, paths, onward, settings.samples, settings.seed
+    )
     report(0.02, "light between surfaces")
     bounce = _bounce(paths, finder, tree, samples, settings)
     data = GatherData(basis, tree, samples, bounce)
@@ -82,7 +88,7 @@ def precompute(
         tracer = Tracer(scene, view, materials)
         geometry = find_rows(tracer, settings.seed)
         fine = geometry.rows.select(~geometry.rows.indirect)
-        work = _ViewWork(paths, finder, tree, settings, Camera(view), view)
+        work = _ViewWork(paths, finder, shown, tree, settings, Camera(view), view)
         parts: list[RowTransfer] = []
         targets = [(i, np.flatnonzero(fine.object == i)) for i in range(len(basis.objects))]
         total = max(len(fine), 1)
@@ -181,6 +187,7 @@ class _ViewWork:
 
     paths: Paths
     finder: CellFinder
+    onward: OnwardCells | None
     tree: CellTree
     settings: Settings
     camera: Camera
@@ -198,7 +205,14 @@ class _ViewWork:
             own = np.concatenate(group).astype(np.int32)
             seed = settings.seed + 7 * int(pixels[own[0]]) + 104729 * (index + 2)
             found = from_rows(
-                self.paths, self.finder, self.camera, pixels[own], index, settings.rays, seed
+                self.paths,
+                self.finder,
+                self.camera,
+                pixels[own],
+                index,
+                settings.rays,
+                seed,
+                self.onward,
             )
             smoothers = None
             if index != PLAIN:

@@ -7,7 +7,7 @@ combined; on cells, an irradiance by light samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from burnish.core.types import RGB, Float32, Int32
 from burnish.precompute.encounter import open_first
+from burnish.precompute.relight.onward import SKIES
 from burnish.precompute.relight.paths import Camera, Paths, stratified
 from burnish.precompute.symbolic import PLAIN
 from burnish.precompute.tracer import mis
@@ -31,15 +32,24 @@ class LightFactors:
 
     def __init__(self, scene: Scene) -> None:
         self._names = [light.name for light in scene.lights]
+        self._kinds = [light.kind for light in scene.lights]
         self._light = mi.UInt32(scene.light_table)
         dr.make_opaque(self._light)
         self.set({})
 
-    def set(self, factors: Mapping[str, RGB]) -> None:
-        """By the name of the light, linear RGB; 1 where it is not named."""
+    def set(self, factors: Mapping[str, RGB], moved: Collection[str] = ()) -> None:
+        """By the name of the light, linear RGB; 1 where it is not named. moved: lights that do
+        not stand as in the scene."""
         table = np.array([factors.get(name, (1.0, 1.0, 1.0)) for name in self._names], np.float32)
+        self.table = table.reshape(-1, 3)
+        self.moved = np.array([name in moved for name in self._names], bool)
+        shown = [
+            kind in SKIES or (kind == "area" and not away)
+            for kind, away in zip(self._kinds, self.moved, strict=True)
+        ]
         self._factors = mi.Float(table.ravel())
-        dr.make_opaque(self._factors)
+        self._shown = mi.Float(np.array(shown, np.float32))
+        dr.make_opaque(self._factors, self._shown)
 
     def of(self, emitter: Any, active: Any) -> Any:
         """The factor of each lane's emitter (mi.EmitterPtr): mi.Color3f."""
@@ -47,12 +57,19 @@ class LightFactors:
         light = dr.gather(mi.UInt32, self._light, number, active)
         return dr.gather(mi.Color3f, self._factors, light, active)
 
+    def shown(self, emitter: Any, active: Any) -> Any:
+        """1 where cells show each lane's emitter itself, else 0: mi.Float."""
+        number = dr.reinterpret_array(mi.UInt32, emitter)
+        light = dr.gather(mi.UInt32, self._light, number, active)
+        return dr.gather(mi.Float, self._shown, light, active)
+
 
 class CellLights:
     """Irradiance at the points of cells, which stay on the device."""
 
     def __init__(self, scene: Scene, samples: GatherSamples, factors: LightFactors) -> None:
-        self.scene, self.factors = scene, factors
+        self.scene, self.factors, self._samples = scene, factors, samples
+        self._lamps = _radiance(scene)
         self.shape = samples.point.shape
 
         def columns(values: Float32) -> Any:
@@ -63,26 +80,68 @@ class CellLights:
         self._surface = mi.Normal3f(columns(samples.point_surface))
         dr.make_opaque(self._p, self._n, self._surface)
 
-    def irradiance(self, count: int, seed: int) -> Float32:
-        """E at each point: float32 [g, p, 3], linear RGB; `count` light samples at each."""
+    def irradiance(self, count: int, seed: int) -> tuple[Float32, Float32]:
+        """E at each point: float32 [g, p, 3], linear RGB; `count` light samples at each. Of all
+        lights, and of those that glossy surfaces show."""
         lanes = self.shape[0] * self.shape[1]
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed & 0xFFFFFFFF, lanes)
-        total = dr.zeros(mi.Color3f, lanes)
+        total, shown = dr.zeros(mi.Color3f, lanes), dr.zeros(mi.Color3f, lanes)
         for _ in range(count):
             sampler.schedule_state()
-            total += self._sample(sampler.next_2d())
-            dr.eval(total)
-        values = np.array(total * (1 / count)).T
-        return np.ascontiguousarray(values, np.float32).reshape(self.shape)
+            light, share = self._sample(sampler.next_2d())
+            total += light
+            shown += light * share
+            dr.eval(total, shown)
+        every, some = (np.array(sums * (1 / count)).T for sums in (total, shown))
+        return (
+            np.ascontiguousarray(every, np.float32).reshape(self.shape),
+            np.ascontiguousarray(some, np.float32).reshape(self.shape),
+        )
 
-    def _sample(self, u: Any) -> Any:
+    def _sample(self, u: Any) -> tuple[Any, Any]:
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(self._p))
         si.p, si.n = self._p, self._surface
         ds, light = self.scene.mi_scene.sample_emitter_direction(si, u, True, True)
         cosine = dr.dot(self._n, ds.d)
         lit = (ds.pdf != 0) & (cosine > 0) & (dr.dot(self._surface, ds.d) > 0)
-        return dr.select(lit, light * self.factors.of(ds.emitter, lit) * cosine, 0)
+        light = dr.select(lit, light * self.factors.of(ds.emitter, lit) * cosine, 0)
+        return light, self.factors.shown(ds.emitter, lit)
+
+    def emission(self) -> Float32:
+        """The light that cells of the sky and of lamps show: float32 [g, 3]."""
+        result = np.zeros((self.shape[0], 3), np.float32)
+        scene, samples = self.scene.mi_scene, self._samples
+        for number, light in enumerate(self.scene.lights):
+            own = np.flatnonzero(samples.shows == number)
+            if not len(own) or (self.factors.moved[number] and light.kind not in SKIES):
+                continue
+            if light.kind not in SKIES:
+                result[own] = self._lamps[number] * self.factors.table[number]
+                continue
+            directions = samples.point[own].reshape(-1, 3)
+            length = np.linalg.norm(directions, axis=1, keepdims=True)
+            si = dr.zeros(mi.SurfaceInteraction3f, len(directions))
+            si.wi = mi.Vector3f(np.ascontiguousarray(-(directions / length).T))
+            seen = np.array(mi.Color3f(scene.environment().eval(si))).T
+            seen = np.broadcast_to(seen, (len(directions), 3)).reshape(len(own), -1, 3)
+            result[own] = seen.mean(axis=1) * self.factors.table[number]
+        return result
+
+
+def _radiance(scene: Scene) -> dict[int, Float32]:
+    """What lamps send straight ahead, at the middle of their textures: float32 [3] each."""
+    result = {}
+    for shape in scene.mi_scene.shapes():
+        emitter = shape.emitter()
+        if emitter is None:
+            continue
+        number = int(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter))[0])
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.wi, si.uv = mi.Vector3f(0, 0, 1), mi.Point2f(0.5, 0.5)
+        value = np.ravel(np.array(mi.Color3f(emitter.eval(si))))
+        result[int(scene.light_table[number])] = value.astype(np.float32)
+    return result
 
 
 class DirectView:

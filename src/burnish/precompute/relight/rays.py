@@ -21,6 +21,7 @@ import numpy as np
 from burnish.core.types import AnyArray, Float32, Int32
 from burnish.precompute.encounter import open_first
 from burnish.precompute.relight.cells import CellFinder
+from burnish.precompute.relight.onward import OnwardCells
 from burnish.precompute.relight.paths import Camera, Paths, stratified
 from burnish.precompute.symbolic import PLAIN
 from burnish.transport.gather import GatherSamples
@@ -59,11 +60,13 @@ def from_rows(
     index: int,
     rays: int,
     seed: int,
+    onward: OnwardCells | None = None,
 ) -> list[LayerSamples]:
     """`rays` (a square) through each of some pixels, from where they meet an object.
 
     index: of the object in the basis; PLAIN for any fixed surface, whose columns are the
-    channels of what it reflects. Gives the samples of every layer.
+    channels of what it reflects. onward: what glossy surfaces show of the lights, to be
+    counted too. Gives the samples of every layer.
     """
     m = paths.materials
     lanes = len(pixels) * rays
@@ -82,7 +85,7 @@ def from_rows(
         bs, value = si.bsdf(met.ray).sample(mi.BSDFContext(), si, u1, u2, own)
         value = dr.select(own, value * through, 0)
         going = own & dr.any(value != 0)
-        cell, hit = _land(paths, finder, si, si.to_world(bs.wo), u3, random, going)
+        cell, hit = _land(paths, finder, si, si.to_world(bs.wo), u3, random, going, onward)
         ones = np.ones((len(pixels), 3), np.float32)
         columns = [(mi.UInt32(c), value[c]) for c in range(3)]
         found = _collect(row, cell, hit, columns, len(pixels), rays)
@@ -96,7 +99,7 @@ def from_rows(
     scale = dr.select(opened.delta, 1, opened.wi.z) / opened.wi_pdf * shade
     scale = dr.select(own & (opened.wi_pdf > 0), scale * dr.mean(weight), 0)
     going = own & (scale != 0)
-    cell, hit = _land(paths, finder, si, si.to_world(outward), u3, random, going)
+    cell, hit = _land(paths, finder, si, si.to_world(outward), u3, random, going, onward)
     # A matte layer is gathered by its own lobe alone, whose shares add up to one
     p_cosine = 1 - dr.gather(mi.Float, m.half_share, obj) - dr.gather(mi.Float, m.delta_share, obj)
     even = own & (u1 >= 1 - p_cosine) & (opened.wi.z > 0)
@@ -145,37 +148,58 @@ def from_cells(
     d = frame.to_world(mi.warp.square_to_cosine_hemisphere(sampler.next_2d()))
     above = dr.dot(si.n, d) > 0
     u3 = mi.Point2f(random.next_float32(), random.next_float32())
-    cell, hit = _land(paths, finder, si, d, u3, random, above)
+    cell, hit = _land(paths, finder, si, d, u3, random, above, None)
     return _collect(row, cell, hit, [(mi.UInt32(0), mi.Float(1))], len(cells), rays)
 
 
 def _land(
-    paths: Paths, finder: CellFinder, si: Any, d: Any, u: Any, random: Any, active: Any
-) -> tuple[Any, Any]:
-    """The cell where a ray lands, and how much of it arrives: 0 where nothing does."""
-    met, _ = paths.meet(si.spawn_ray(d), random, active)
+    paths: Paths,
+    finder: CellFinder,
+    si: Any,
+    d: Any,
+    u: Any,
+    random: Any,
+    active: Any,
+    onward: OnwardCells | None,
+) -> tuple[list[Any], list[Any]]:
+    """The cells where rays land, and how much of each arrives: 0 where nothing does.
+
+    The cell that is met, and one of a light that it shows.
+    """
+    met, random = paths.meet(si.spawn_ray(d), random, active)
     hit = met.si
     flip = dr.select(hit.wi.z < 0, -1, mi.Float(1))
     cell = finder.find_blurred(met.obj, hit.p, hit.sh_frame.n * flip, u, met.valid)
-    return cell, dr.select(met.valid, dr.mean(met.throughput), 0)
+    share = dr.select(met.valid, dr.mean(met.throughput), 0)
+    if onward is None:
+        return [cell], [share]
+    further, weight = onward.reach(met, random)
+    return [cell, further], [share, share * weight]
 
 
 def _collect(
-    row: Any, cell: Any, hit: Any, columns: list[tuple[Any, Any]], rows: int, rays: int
+    row: Any,
+    cells: list[Any],
+    hits: list[Any],
+    columns: list[tuple[Any, Any]],
+    rows: int,
+    rays: int,
 ) -> Samples:
     """Lanes of several columns as one list, without those of no light."""
-    values = [mi.Float(value * hit) for _, value in columns]
-    numbers = [mi.UInt32(column) for column, _ in columns]
-    dr.eval(row, cell, values, numbers)
+    values = [mi.Float(value * hit) for _, value in columns for hit in hits]
+    numbers = [mi.UInt32(column) for column, _ in columns for _ in hits]
+    places = [mi.UInt32(cell) for _ in columns for cell in cells]
+    dr.eval(row, values, numbers, places)
     lanes = rows * rays
-    at, cells = np.array(row), np.array(cell)
+    at = np.array(row)
     half = (np.arange(lanes) % 2).astype(bool)
     parts = []
-    for number, value in zip(numbers, values, strict=True):
+    for number, value, place in zip(numbers, values, places, strict=True):
         own = np.broadcast_to(np.array(value), lanes)
         kept = np.flatnonzero(own)
         which = np.broadcast_to(np.array(number), lanes)[kept]
-        parts.append((at[kept], cells[kept], which, own[kept] / np.float32(rays), half[kept]))
+        found = np.broadcast_to(np.array(place), lanes)[kept]
+        parts.append((at[kept], found, which, own[kept] / np.float32(rays), half[kept]))
     joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return Samples(
         joined[0].astype(np.int32),

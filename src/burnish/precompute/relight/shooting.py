@@ -16,6 +16,7 @@ import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Float64
 from burnish.precompute.relight.cells import CellFinder, build
+from burnish.precompute.relight.onward import Onward, OnwardCells
 from burnish.precompute.relight.paths import Camera, Met, Paths
 from burnish.precompute.symbolic import PLAIN
 from burnish.scene import Scene, View
@@ -30,6 +31,10 @@ CANDIDATES = 16
 """Photons shot for each sample wanted."""
 AREA_POINTS = 32
 """Points spread over all surfaces, for each sample, that measure the areas."""
+SKY_CELLS = 4096
+"""Parts of the sky that glossy objects are found to show."""
+EVEN_CELLS = 64
+"""Further ones of each such object, spread evenly."""
 LEAST_PER_OBJECT = 4
 
 
@@ -51,6 +56,20 @@ class _Photons:
     def take(self, which: AnyArray) -> _Photons:
         return _Photons(*(getattr(self, name)[which] for name in _FIELDS))
 
+    def like(self, position: AnyArray, owner: AnyArray) -> _Photons:
+        """Points that reflect nothing."""
+        n = len(position)
+        nothing = np.zeros((n, 3), np.float32)
+        return _Photons(
+            np.ascontiguousarray(position, np.float32),
+            nothing,
+            nothing,
+            owner.astype(np.int32),
+            np.zeros(n, bool),
+            np.zeros((n, *self.H.shape[1:]), np.float32),
+            nothing,
+        )
+
     @staticmethod
     def join(parts: list[_Photons]) -> _Photons:
         return _Photons(*(np.concatenate([getattr(p, n) for p in parts]) for n in _FIELDS))
@@ -60,36 +79,96 @@ _FIELDS = ("position", "normal", "surface", "object", "glossy", "H", "plain")
 
 
 def shoot(
-    scene: Scene, views: tuple[View, ...], paths: Paths, count: int, seed: int
-) -> tuple[CellTree, GatherSamples, CellFinder]:
-    """About `count` samples for the views together, their tree, and how points find a cell."""
+    scene: Scene,
+    views: tuple[View, ...],
+    paths: Paths,
+    onward: Onward,
+    count: int,
+    seed: int,
+) -> tuple[CellTree, GatherSamples, CellFinder, OnwardCells | None]:
+    """About `count` samples for the views together, their tree, and how points find a cell;
+    and what paths that go on find, where there is anything."""
     random = np.random.default_rng(seed)
-    photons = _Photons.join(
-        [
-            _shoot(view, paths, CANDIDATES * count // len(views), seed + 31 * v)
-            for v, view in enumerate(views)
-        ]
-    )
+    shot = [
+        _shoot(view, paths, onward, CANDIDATES * count // len(views), seed + 31 * v)
+        for v, view in enumerate(views)
+    ]
+    photons = _Photons.join([own for own, _ in shot])
+    left = _Photons.join([own for _, own in shot])
     spread = _spread(scene, paths, max(AREA_POINTS * count, 1 << 14), random)
     chosen = _choose(photons, spread[0], count, len(scene.objects), random)
+    surfaces, lights = len(chosen), _Lights(scene, onward)
+    chosen = _Photons.join([chosen, lights.skies(left, random), lights.lamps(chosen)])
     owners, owner = np.unique(chosen.object, return_inverse=True)
     tree, planes, order = build(
         chosen.position, chosen.normal, owner.ravel().astype(np.int32), len(owners)
     )
     chosen = chosen.take(order)
-    first = np.zeros(len(scene.objects), np.int32)
-    scale = np.ones(len(scene.objects), np.float32)
+    first, scale = np.zeros(lights.owners, np.int32), np.ones(lights.owners, np.float32)
     first[owners], scale[owners] = planes.first, planes.scale
     # An object that no photon and no even point fell on is as good as not there
     planes = replace(planes, first=first, scale=scale)
     finder = CellFinder(tree, planes, np.zeros(len(chosen), np.float32))
     area = _areas(finder, spread, chosen)
+    area[order >= surfaces] = 4 * np.pi / max(len(order) - surfaces, 1)
     finder = CellFinder(tree, planes, np.sqrt(area / np.pi).astype(np.float32))
-    points = _points(finder, photons, spread[0], chosen, random)
-    return replace(tree, area=area), _samples(scene, paths, chosen, area, points), finder
+    points = _points(finder, _Photons.join([photons, left]), spread[0], chosen, random)
+    samples = _samples(scene, paths, chosen, area, points, lights)
+    found = None
+    if onward.useful:
+        found = OnwardCells(onward, finder, len(scene.objects), lights.cells(chosen))
+    return replace(tree, area=area), samples, finder, found
 
 
-def _shoot(view: View, paths: Paths, count: int, seed: int) -> _Photons:
+class _Lights:
+    """Samples of what glossy objects show of the lights, and which tree each kind has.
+
+    Of the objects o come first; then the sky through each of them; then lamps through each.
+    """
+
+    def __init__(self, scene: Scene, onward: Onward) -> None:
+        self._objects, self._lights, self._onward = len(scene.objects), len(scene.lights), onward
+        self.owners = self._objects * (2 + self._lights)
+
+    def skies(self, left: _Photons, random: np.random.Generator) -> _Photons:
+        """Some of the directions that were found, and for each object some even ones."""
+        some = random.permutation(len(left))[:SKY_CELLS]
+        if not self._onward.useful or self._onward.sky < 0:
+            return left.take(some[:0])
+        through = np.repeat(self._onward.glossy, EVEN_CELLS) + self._objects
+        even = random.normal(size=(len(through), 3))
+        even /= np.linalg.norm(even, axis=1, keepdims=True)
+        return _Photons.join([left.take(some), left.like(even, through)])
+
+    def lamps(self, like: _Photons) -> _Photons:
+        """One through each glossy object."""
+        onward = self._onward
+        lamps = onward.lamps if onward.useful else onward.lamps[:0]
+        first = 2 * self._objects + onward.glossy[:, None] * self._lights
+        owner = (first + lamps).ravel()
+        return like.like(np.zeros((len(owner), 3)), owner)
+
+    def cells(self, chosen: _Photons) -> AnyArray:
+        """The cell of each lamp through each object, -1 for none: [objects, lights]."""
+        result = np.full(self._objects * self._lights, -1, np.int32)
+        own = np.flatnonzero(chosen.object >= 2 * self._objects)
+        result[chosen.object[own] - 2 * self._objects] = own
+        return result.reshape(self._objects, self._lights)
+
+    def shown(self, owner: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Which light a cell shows and through which of the scene's objects, -1 for none."""
+        lamp, sky = owner >= 2 * self._objects, owner >= self._objects
+        number = np.maximum(owner - 2 * self._objects, 0)
+        lights = max(self._lights, 1)
+        light = np.where(lamp, number % lights, np.where(sky, self._onward.sky, -1))
+        through = np.where(lamp, number // lights, np.where(sky, owner - self._objects, -1))
+        return light, through
+
+
+def _shoot(
+    view: View, paths: Paths, onward: Onward, count: int, seed: int
+) -> tuple[_Photons, _Photons]:
+    """Photons, and directions in which paths that go on from them leave, as if they were."""
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, count)
     random = mi.PCG32(count, mi.UInt64(seed + 1))
@@ -112,8 +191,14 @@ def _shoot(view: View, paths: Paths, count: int, seed: int) -> _Photons:
     wi = dr.select(glossy, peaked, even)
     usable = met.valid & (wi.z > 0)
     wi.z *= side
-    landed, _ = paths.meet(si.spawn_ray(si.to_world(wi)), random, usable)
-    return _photons(paths, landed, glossy)
+    landed, random = paths.meet(si.spawn_ray(si.to_world(wi)), random, usable)
+    found = _photons(paths, landed, glossy)
+    if not onward.useful or onward.sky < 0:
+        return found, found.take(np.zeros(0, np.int64))
+    weight, sky, direction, _ = onward.go(landed, random)
+    gone = np.flatnonzero(np.array(sky & (weight != 0)))
+    through = np.array(landed.obj)[gone].astype(np.int32) + len(paths.scene.objects)
+    return found, found.like(np.array(direction).T[gone], through)
 
 
 def _matte(paths: Paths, met: Met) -> mi.Bool:
@@ -218,6 +303,7 @@ def _areas(finder: CellFinder, spread: tuple[_Photons, Float64], chosen: _Photon
     """
     points, area = spread
     known = np.isin(points.object, np.unique(chosen.object))
+    # What stands for the sky and for lamps is no surface
     cells = _cells_of(finder, points.take(known))
     sums = np.bincount(cells, weights=area[known], minlength=len(chosen))
     least = 0.01 * float(area.min())
@@ -250,7 +336,12 @@ def _points(
 
 
 def _samples(
-    scene: Scene, paths: Paths, chosen: _Photons, area: Float32, points: _Photons
+    scene: Scene,
+    paths: Paths,
+    chosen: _Photons,
+    area: Float32,
+    points: _Photons,
+    lights: _Lights,
 ) -> GatherSamples:
     g, basis, m = len(chosen), paths.materials.basis, paths.materials
     shape = (g, POINTS, 3)
@@ -259,6 +350,8 @@ def _samples(
     variable = np.full((g, groups), -1, np.int32)
     reflects = np.zeros((g, POINTS, groups, 3), np.float32)
     fixed = np.zeros(shape, np.float32)
+    shows, through = lights.shown(chosen.object)
+    place = np.array([positions.get(thing.id, -1) for thing in scene.objects])
     H = points.H.reshape(g, POINTS, -1, 3)
     plain = points.plain.reshape(shape)
     for o, thing in enumerate(scene.objects):
@@ -284,4 +377,6 @@ def _samples(
         variable,
         reflects,
         fixed,
+        shows.astype(np.int32),
+        np.where(through >= 0, place[through], -1).astype(np.int32),
     )

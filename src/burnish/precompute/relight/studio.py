@@ -82,19 +82,26 @@ class RelitScene:
         """Put the lights as a state has them; what says so."""
         wanted = dict(lights_in(state))
         if self._lights is None or self._lights != wanted:
-            self._mover.place(placements(self.scene.lights, state))
-            self._factors.set(factors(self.scene.lights, state))
+            placed = placements(self.scene.lights, state)
+            self._mover.place(placed)
+            self._factors.set(factors(self.scene.lights, state), tuple(placed))
             self._lights = wanted
         return self._lights
 
-    def irradiance(self, state: State, samples: int) -> Float32:
-        """E at the points of all cells: float32 [g, p, 3], linear RGB."""
+    def irradiance(self, state: State, samples: int) -> tuple[Float32, Float32]:
+        """E at the points of all cells: float32 [g, p, 3], linear RGB; see `DirectLight`."""
         with self.lock:
             key = self._place(state)
             if self._irradiance.key is not key:
                 self._irradiance = _Estimate(key)
-            trace: Trace = lambda count, seed: (self._cells.irradiance(count, seed),)  # noqa: E731
-            return self._irradiance.grow(samples, trace, 1)[0]
+            every, shown = self._irradiance.grow(samples, self._cells.irradiance, 1)
+            return every, shown
+
+    def emission(self, state: State) -> Float32:
+        """What cells show of the lights themselves: float32 [g, 3], linear RGB."""
+        with self.lock:
+            self._place(state)
+            return self._cells.emission()
 
     def picture(
         self, view: str, state: State, without: tuple[int, ...], samples: int

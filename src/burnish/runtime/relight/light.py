@@ -11,42 +11,96 @@ from dataclasses import dataclass
 import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Float64
+from burnish.materials.coefficients import albedo, conserved
+from burnish.materials.layer import Material, MaterialState
 from burnish.runtime.relight.rows import apply
-from burnish.transport.basis import State
+from burnish.transport.basis import Basis, State
 from burnish.transport.gather import GatherData, GatherSamples
 from burnish.transport.monomials import Monomials
 
 
 @dataclass(frozen=True)
 class CellLight:
-    """The radiance of cells, for each monomial z of the open albedos: float32 [z, g, 3]."""
+    """The radiance of cells, for each monomial z of the open albedos: float32 [z, g, 3].
+
+    Cells of the sky and of lamps show those, cells of surfaces what such cells do not show."""
 
     monomials: Monomials
     radiance: Float32
 
 
 def cell_light(
-    data: GatherData, irradiance: Float32, state: State, open_variables: tuple[int, ...] = ()
+    data: GatherData,
+    irradiance: tuple[Float32, Float32],
+    emission: Float32,
+    state: State,
+    open_variables: tuple[int, ...] = (),
 ) -> CellLight:
-    """L of all cells under a direct irradiance float32 [g, p, 3] at their points.
+    """L of all cells under a direct irradiance at their points.
 
-    open_variables: of the basis, those whose albedo stays symbolic. Bounces are the basis's: the
-    last one is the row's own.
+    irradiance: float32 [g, p, 3] twice, of all lights and of those that cells show themselves;
+    emission: float32 [g, 3], what those cells show (`DirectLight`). open_variables: of the
+    basis, those whose albedo stays symbolic. Bounces are the basis's: the last one is the row's
+    own.
     """
     basis, samples = data.basis, data.samples
     further = basis.bounces - 2
     monomials = Monomials(len(open_variables), max(basis.bounces - 1, 0))
     albedos = basis.albedos(state)
     reflected = _Reflection(samples, albedos, open_variables, monomials)
+    shape = len(monomials), len(samples), 3
     if further < 0:
-        return CellLight(monomials, np.zeros((len(monomials), len(samples), 3), np.float32))
-    direct = np.zeros((len(monomials), len(samples), 3), np.float32)
-    light = reflected.direct(irradiance / np.float32(np.pi), direct)
+        return CellLight(monomials, np.zeros(shape, np.float32))
+    every, shown = (part / np.float32(np.pi) for part in irradiance)
+    light = reflected.direct(every, np.zeros(shape, np.float32))
     total = light.copy()
     for _ in range(further):
         light = reflected.again(_gathered(data, light))
         total += light
+    if emission.any():
+        # What is shown along glossy layers is no part of what they scatter
+        matte = np.divide(
+            _matte_albedos(basis, state), albedos, out=np.ones_like(albedos), where=albedos > 0
+        )
+        glossy = _Reflection(samples, albedos, open_variables, monomials, 1 - matte)
+        total -= glossy.direct(shown, np.zeros(shape, np.float32))
+        seen = samples.through >= 0
+        total[0][seen] += emission[seen] * _glossier(basis, state)[samples.through[seen]]
     return CellLight(monomials, total)
+
+
+def _matte_albedos(basis: Basis, state: State) -> Float64:
+    """The part of each variable's albedo that is of layers without a highlight: [variables, 3]."""
+    result = np.zeros((len(basis.variables), 3))
+    for v, (i, group) in enumerate(basis.variables):
+        item = basis.objects[i]
+        result[v] = _albedo_of(item.material, state[item.id], glossy=False, group=group)
+    return result
+
+
+def _glossier(basis: Basis, state: State) -> Float64:
+    """How much more than in the scene each object's highlights reflect: [objects, 3]."""
+    result = np.zeros((len(basis.objects), 3))
+    for i, item in enumerate(basis.objects):
+        now, then = (
+            _albedo_of(item.material, of, glossy=True)
+            for of in (state[item.id], item.material.initial)
+        )
+        # What is traced is of all channels together
+        result[i] = now / max(float(then.mean()), 1e-6)
+    return result
+
+
+def _albedo_of(
+    material: Material, state: MaterialState, *, glossy: bool, group: str | None = None
+) -> Float64:
+    settled = conserved(material, state)
+    own = [
+        albedo(layer, settled.layers[layer.name])
+        for layer in material.layers
+        if (layer.model.lobe == "half") == glossy and group in (None, layer.group)
+    ]
+    return np.asarray(sum(own, np.zeros(3)))
 
 
 class _Reflection:
@@ -58,18 +112,23 @@ class _Reflection:
         albedos: Float64,
         open_variables: tuple[int, ...],
         monomials: Monomials,
+        share: Float64 | None = None,
     ) -> None:
+        """share: of each albedo that counts, float64 [variables, 3]; then of variables alone."""
         self.samples, self.monomials = samples, monomials
+        self._alone = share is not None
+        share = np.ones_like(albedos) if share is None else share
         position = {v: k for k, v in enumerate(open_variables)}
         # By group: a number for each cell and, where the albedo is open, which variable
         self.numbers, self.open = [], []
         for k in range(samples.variable.shape[1]):
             variable = samples.variable[:, k]
             values = np.zeros((len(samples), 3), np.float32)
-            values[variable >= 0] = albedos[variable[variable >= 0]]
+            known = variable >= 0
+            values[known] = albedos[variable[known]] * share[variable[known]]
             which = np.array([position.get(int(v), -1) for v in range(len(albedos))], np.int32)
             symbolic = np.where(variable >= 0, which[variable], -1)
-            values[symbolic >= 0] = 1.0
+            values[symbolic >= 0] = share[variable[symbolic >= 0]]
             self.numbers.append(values)
             self.open.append(symbolic)
         self.mean = samples.reflects.mean(axis=1)
@@ -78,7 +137,8 @@ class _Reflection:
     def direct(self, light: Float32, result: Float32) -> Float32:
         """Of light [g, p, 3] at the points, which the weight maps meet point by point."""
         points = light.shape[1]
-        result[0] += np.einsum("gph,gph->gh", self.samples.fixed, light) / points
+        if not self._alone:
+            result[0] += np.einsum("gph,gph->gh", self.samples.fixed, light) / points
         for k, (number, symbolic) in enumerate(zip(self.numbers, self.open, strict=True)):
             own = np.einsum("gph,gph->gh", self.samples.reflects[:, :, k], light) / points * number
             self._deposit(result, 0, symbolic, own)

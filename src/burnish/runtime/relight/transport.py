@@ -89,15 +89,15 @@ class RelightView:
         kept = tuple(sorted({*targets, *fine}))
         open_variables = tuple(v for v, (i, _) in enumerate(self.basis.variables) if i in targets)
         irradiance = self.direct.irradiance(state, per_point)
-        light = cell_light(self.data, irradiance, state, open_variables)
+        emission = self.direct.emission(state)
+        light = cell_light(self.data, irradiance, emission, state, open_variables)
         powers = Powers(
             exponents=light.monomials.exponents,
             variables=np.array(open_variables, np.int32),
             coarse=np.full(len(light.monomials), -1, np.int32),
         )
         self._check_memory(kept, len(light.monomials))
-        others, emission = self.direct.picture(self.name, state, kept, samples)
-        self.emission = emission
+        others, self.emission = self.direct.picture(self.name, state, kept, samples)
         parts = [part for i in kept for part in self._open(i, light, state, samples)]
         self._revision += 1
         self._lights, self._dirty = lights_in(state), False
@@ -106,7 +106,7 @@ class RelightView:
             targets=targets,
             width=self.width,
             height=self.height,
-            base=(others + emission).reshape(-1, 3),
+            base=(others + self.emission).reshape(-1, 3),
             powers=powers,
             parts=[self._settled(kept, light, state), *parts],
             revision=self._revision,
