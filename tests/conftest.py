@@ -1,4 +1,4 @@
-"""What all tests share: the folder of real assets, and marks by what a machine lacks."""
+"""What all tests share: the folder of real assets, and properties without deadlines."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# A slow machine fails no property
+settings.register_profile(
+    "burnish", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+)
+settings.load_profile("burnish")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
