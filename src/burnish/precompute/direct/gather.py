@@ -158,7 +158,7 @@ class ObjectLight:
             lit &= ~local | (facing < 0)
 
             # Split what a coordinate bends, and what is large
-            extents: list[Extent | None] = []
+            extents: list[list[Extent]] = []
             bent = mi.Float(0)
             middles = [
                 frame.to_local(si.to_local(dr.normalize(p[k] + p[(k + 1) % 3])))[0]
@@ -166,13 +166,11 @@ class ObjectLight:
             ]
             for band in self.bands:
                 if band.plain:
-                    extents.append(None)
+                    extents.append([])
                     continue
-                ts = tuple(band.coordinate(w, frame.wo) for w in corners)
-                bent = dr.maximum(
-                    bent, band.bend(ts, tuple(band.coordinate(w, frame.wo) for w in middles))
-                )
-                extents.append(Extent.of(*ts))
+                found, by = band.extents(corners, middles, frame.wo)
+                bent = dr.maximum(bent, by)
+                extents.append(found)
             split = lit & ((bent > BEND) | (angle > LARGEST)) & (angle > mirror.smallest)
             split &= part.w > 1.5
             final = lit & ~split
@@ -269,7 +267,7 @@ class ObjectLight:
         target: Any,
         offsets: Any,
         sums: list[list[Any]],
-        extents: list[Extent | None] | None,
+        extents: list[list[Extent]] | None,
         wi: Any,
         wo: Any,
         value: Any,
@@ -303,16 +301,17 @@ class ObjectLight:
             if band.plain:
                 put(mi.UInt32(0), mi.Float(1), active)
                 continue
-            t = band.coordinate(wi, wo)
-            extent = Extent(t, t, t)
-            wide = extents[s] if extents is not None else None
-            if wide is not None:
-                extent = Extent(
-                    dr.select(pointed, t, wide.low),
-                    dr.select(pointed, t, wide.middle),
-                    dr.select(pointed, t, wide.high),
-                )
-            band.spread(extent, put, active)
+            narrow = [Extent(t, t, t) for t in band.coordinates(wi, wo)]
+            if extents is not None:
+                narrow = [
+                    Extent(
+                        dr.select(pointed, point.low, wide.low),
+                        dr.select(pointed, point.middle, wide.middle),
+                        dr.select(pointed, point.high, wide.high),
+                    )
+                    for point, wide in zip(narrow, extents[s], strict=True)
+                ]
+            band.spread(narrow, put, active)
 
     def _store(self, target: Any, offsets: Any, sums: list[list[Any]], active: Any) -> None:
         for s, own in enumerate(sums):

@@ -13,7 +13,7 @@ around a pole, the triangle is split (`Bands.bend` says by how many bins it is b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.materials.layer import Layer
+from burnish.materials.two_curves import TwoCurves
 from burnish.scene.maths import drjit_maths
 
 TINY = 1e-20
@@ -52,34 +53,14 @@ class Extent:
         return dr.select(t <= a, 0, dr.select(t >= c, 1, dr.select(t < b, rising, falling)))
 
 
-class Bands:
-    """The bins of a layer as bands on the sphere of incident directions.
+class Axis:
+    """The bins of one coordinate. Numbers are arrays of the device: see `Bands`."""
 
-    Numbers are arrays of the device, so that objects with the same models share a kernel.
-    """
-
-    def __init__(self, layer: Layer) -> None:
-        self.layer = layer
-        self.model = layer.model
-        self.plain = layer.model.coordinate_name == "none"
-        self._bins = dr.opaque(mi.UInt32, layer.bins)
-        self._count = dr.opaque(mi.Float, layer.bins)
-        self._spacing = dr.opaque(mi.Float, layer.spacing)
-        self._square = layer.spacing == 2.0
-        numbers = {item.name: item.default for item in self.model.fixed_parameters}
-        self.fixed = {
-            name: dr.opaque(mi.Float, float(layer.fixed.get(name, default)))  # type: ignore[arg-type]
-            for name, default in numbers.items()
-        }
-
-    def coordinate(self, wi: Any, wo: Any) -> Any:
-        """t of incident directions in the material's frame, 0 to 1."""
-        return dr.clip(self.model.coordinate(drjit_maths, wi, wo, self.fixed), 0, 1)
-
-    def quotients(self, wi: Any, wo: Any) -> list[Any]:
-        """q_k, the reference one not below zero, as everywhere."""
-        found = self.model.quotients(drjit_maths, wi, wo, self.fixed)
-        return [dr.maximum(found[0], 0), *found[1:]]
+    def __init__(self, bins: int, spacing: float) -> None:
+        self._bins = dr.opaque(mi.UInt32, bins)
+        self._count = dr.opaque(mi.Float, bins)
+        self._spacing = dr.opaque(mi.Float, spacing)
+        self._square = spacing == 2.0
 
     def position(self, t: Any) -> Any:
         """t in bins: 0 to the number of bins."""
@@ -95,7 +76,7 @@ class Bands:
         """The bin of t."""
         return dr.minimum(mi.UInt32(self.position(t)), self._bins - 1)
 
-    def bend(self, t: tuple[Any, Any, Any], middle: tuple[Any, Any, Any]) -> Any:
+    def bend(self, t: Sequence[Any], middle: Sequence[Any]) -> Any:
         """By how many bins the coordinate at the middles of a triangle's edges (0-1, 1-2, 2-0)
         differs from what is linear in its corners."""
         worst = mi.Float(0)
@@ -105,13 +86,71 @@ class Bands:
             worst = dr.maximum(worst, off)
         return worst
 
-    def spread(self, extent: Extent, deposit: Callable[[Any, Any, Any], None], active: Any) -> None:
-        """Call deposit(bin, share, active) for every bin that the triangle reaches."""
-        first, last = self.bin(extent.low), self.bin(extent.high)
+
+class Bands:
+    """The bins of a layer as bands on the sphere of incident directions; of a layer with two
+    curves, the boxes where bands of both cross.
+
+    Numbers are arrays of the device, so that objects with the same models share a kernel.
+    """
+
+    def __init__(self, layer: Layer) -> None:
+        self.layer = layer
+        self.model = layer.model
+        self.plain = layer.model.coordinate_name == "none"
+        self.axes = [Axis(layer.bins, layer.spacing)]
+        if isinstance(layer.model, TwoCurves):
+            self.axes = [Axis(axis.bins, axis.spacing) for axis in layer.model.axes]
+            self._second = dr.opaque(mi.UInt32, layer.model.bins2)
+        numbers = {item.name: item.default for item in self.model.fixed_parameters}
+        self.fixed = {
+            name: dr.opaque(mi.Float, float(layer.fixed.get(name, default)))  # type: ignore[arg-type]
+            for name, default in numbers.items()
+        }
+
+    def coordinates(self, wi: Any, wo: Any) -> list[Any]:
+        """t of incident directions in the material's frame, 0 to 1, of each curve."""
+        model = self.model
+        if isinstance(model, TwoCurves):
+            found = list(model.coordinates(drjit_maths, wi, wo, self.fixed))
+        else:
+            found = [model.coordinate(drjit_maths, wi, wo, self.fixed)]
+        return [dr.clip(t, 0, 1) for t in found]
+
+    def quotients(self, wi: Any, wo: Any) -> list[Any]:
+        """q_k, the reference one not below zero, as everywhere."""
+        found = self.model.quotients(drjit_maths, wi, wo, self.fixed)
+        return [dr.maximum(found[0], 0), *found[1:]]
+
+    def extents(
+        self, corners: Sequence[Any], middles: Sequence[Any], wo: Any
+    ) -> tuple[list[Extent], Any]:
+        """Where a triangle lies along each curve, and by how many bins it is bent at most.
+
+        corners, middles: directions to its corners and to the middles of its edges.
+        """
+        ts = [self.coordinates(w, wo) for w in corners]
+        between = [self.coordinates(w, wo) for w in middles]
+        found, bent = [], mi.Float(0)
+        for n, axis in enumerate(self.axes):
+            own = [t[n] for t in ts]
+            bent = dr.maximum(bent, axis.bend(own, [t[n] for t in between]))
+            found.append(Extent.of(*own))
+        return found, bent
+
+    def spread(
+        self, extents: Sequence[Extent], deposit: Callable[[Any, Any, Any], None], active: Any
+    ) -> None:
+        """Call deposit(bin, share, active) for every bin, or box, that the triangle reaches."""
+        if len(self.axes) == 2:
+            self._spread_boxes(extents, deposit, active)
+            return
+        (extent,), (axis,) = extents, self.axes
+        first, last = axis.bin(extent.low), axis.bin(extent.high)
 
         def body(j: Any, below: Any) -> tuple[Any, Any]:
             # The last bin takes what is left, so that the shares sum to 1
-            above = dr.select(j >= last, mi.Float(1), extent.below(self.edge(j + 1)))
+            above = dr.select(j >= last, mi.Float(1), extent.below(axis.edge(j + 1)))
             deposit(j, above - below, active & (j <= last))
             return j + 1, above
 
@@ -120,4 +159,30 @@ class Bands:
             lambda j, below: active & (j <= last),
             body,
             label="bins of a triangle",
+        )
+
+    def _spread_boxes(
+        self, extents: Sequence[Extent], deposit: Callable[[Any, Any, Any], None], active: Any
+    ) -> None:
+        """The share of a box is the product of the shares of its two bins (2006, eq. 25)."""
+        first = [axis.bin(extent.low) for axis, extent in zip(self.axes, extents, strict=True)]
+        last = [axis.bin(extent.high) for axis, extent in zip(self.axes, extents, strict=True)]
+
+        def share(side: int, j: Any) -> Any:
+            axis, extent = self.axes[side], extents[side]
+            above = dr.select(j >= last[side], mi.Float(1), extent.below(axis.edge(j + 1)))
+            below = dr.select(j <= first[side], mi.Float(0), extent.below(axis.edge(j)))
+            return above - below
+
+        def body(j: Any, k: Any) -> tuple[Any, Any]:
+            here = active & (j <= last[0])
+            deposit(j * self._second + k, share(0, j) * share(1, k), here)
+            over = k >= last[1]
+            return dr.select(over, j + 1, j), dr.select(over, first[1], k + 1)
+
+        dr.while_loop(
+            (first[0], first[1]),
+            lambda j, k: active & (j <= last[0]),
+            body,
+            label="boxes of a triangle",
         )
