@@ -34,6 +34,9 @@ Placed = dict[str, dict[str, Value]]
 """Where lights stand that are not as in the scene; see `materials.lights.placements`."""
 
 PUBLISH_SECONDS = 1.0
+PUBLISH_SHARE = 0.25
+"""A publication is never further off than this share of the time since the selection, as long as
+that is less than a second: what is seen first gets better fastest."""
 ENOUGH_SAMPLES = 1 << 16
 SPECK = 1e-3
 """Size of a lamp that is to hide nothing."""
@@ -245,7 +248,7 @@ class _Worker:
         self.published: dict[str, _Sent] = {}
         self.models: Models = {}
         self.watched: tuple[str, ...] = ()
-        self.serial = 0
+        self.serial, self.began = 0, 0.0
         self.paused = False
         self.truth: Any = None
         self.denoisers: dict[str, Any] = {}
@@ -312,7 +315,7 @@ class _Worker:
     def _select(self, message: Select) -> None:
         from burnish.precompute.live import LiveEstimate
 
-        self.serial = message.serial
+        self.serial, self.began = message.serial, time.monotonic()
         self.published, self.files = {}, self._unmapped()
         if message.placed != self.placed:
             # Guides show the lamps where they stood
@@ -416,7 +419,7 @@ class _Worker:
         # Kernels only queue up by themselves, and a message would wait for the whole queue
         dr.sync_thread()
         sent = self.published.get(view, _Sent())
-        # At once while there is little to see, then once a second
+        # At once while there is little to see, then ever later, at last once a second
         if sent.samples < 16 or (time.monotonic() >= sent.next and time.process_time() >= sent.due):
             self._publish(view, estimate)
 
@@ -431,7 +434,9 @@ class _Worker:
         # goes on while others have them
         now = time.process_time()
         due = now + 9 * (now - start)
-        self.published[view] = _Sent(estimate.samples, time.monotonic() + PUBLISH_SECONDS, due)
+        clock = time.monotonic()
+        wait = min(PUBLISH_SECONDS, PUBLISH_SHARE * (clock - self.began))
+        self.published[view] = _Sent(estimate.samples, clock + wait, due)
         self.pipe.send(Published(self.serial, view, estimate.samples))
 
     def _picture(self, job: int, make: Callable[[], Float32]) -> None:
