@@ -29,9 +29,6 @@ from burnish.transport.rows import Rows
 
 POINTS = 4
 
-NEAR = 0.35
-"""Radians around the mirror direction of a curved row in which all its points gather light."""
-
 SMALLEST = 2e-6
 """Steradians of a piece that is not split any more, whatever a coordinate does in it."""
 
@@ -142,11 +139,9 @@ def _gather(
 def _mirror(direct: DirectPlan, where: RowPoints, here: Int64, k: int) -> Mirror:
     """Which lights the rows `here` of `where` gather at their k-th points, and how finely."""
     spread = where.spread[here]
-    curved = where.count[here] > direct.points
-    angle = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
     return Mirror(
         mi.Vector3f(np.ascontiguousarray(where.mirror[here].T)),
-        mi.Float(np.cos(angle).astype(np.float32)),
+        mi.Float(np.cos(where.near[here]).astype(np.float32)),
         mi.Float((1 / where.count[here]).astype(np.float32)),
         mi.Float(np.full(len(here), 1 / direct.points if k < direct.points else 0, np.float32)),
         mi.Float(np.maximum((FINENESS * spread) ** 2, SMALLEST).astype(np.float32)),

@@ -81,8 +81,8 @@ def environment_triangles(emitter: Any, count: int) -> Triangles:
                 f"{data.shape[0] * data.shape[1]} are negative (least {data.min():.3g}) and count "
                 "as black"
             )
-        # Texels lie on both poles; Mitsuba keeps a column more at either side
-        height, width = data.shape[0] - 1, data.shape[1] - 2
+        # Texels lie on both poles
+        height, width = data.shape[0] - 1, data.shape[1]
         texel = 2 * np.pi / width
         depth = min(DEEPEST, max(5, int(np.ceil(np.log2(1.1 / texel)))))
         pieces = len(icosahedron()) * CHILDREN**depth
@@ -101,7 +101,8 @@ def _texels(emitter: Any) -> Float32 | None:
     parameters = mi.traverse(emitter)
     if "data" not in parameters:
         return None
-    return np.asarray(np.array(parameters["data"])[..., :3], np.float32)
+    # Mitsuba keeps a column more at either side
+    return np.asarray(np.array(parameters["data"])[:, 1:-1, :3], np.float32)
 
 
 def _check(emitter: Any, data: Float32) -> None:

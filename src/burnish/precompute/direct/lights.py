@@ -154,9 +154,8 @@ def _faces(scene: Scene, emitter: Any, count: int) -> Float64 | None:
     if shape is None or uneven or emitter.class_name() != "AreaLight":
         return None
     if shape.class_name() == "Rectangle":
-        matrix = np.array(mi.traverse(shape)["to_world"].matrix, np.float64).reshape(4, 4)
-        plane = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1.0]])
-        places = (plane @ matrix.T)[:, :3]
+        plane = mi.Point3f([-1, 1, 1, -1], [-1, -1, 1, 1], 0)
+        places = np.array(mi.traverse(shape)["to_world"] @ plane, np.float64).T
         found = places[np.array([[0, 1, 2], [0, 2, 3]])]
     elif shape.is_mesh():
         parameters = mi.traverse(shape)

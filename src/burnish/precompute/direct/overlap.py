@@ -8,7 +8,8 @@ where γ < y depends on those three numbers alone. For corners sorted a ≤ b �
 
 and the share of a bin is the difference of F at its two edges: one evaluation for each edge
 that the triangle reaches, and their sum telescopes to 1. Where the coordinate is not linear,
-around a pole, the triangle is split (`Bands.bend` says by how many bins it is bent).
+around a pole, the triangle is split (`Bands.bend` says by how many bins it is bent); what is
+left of the bend moves all three corners, so that the mean over the triangle is right.
 """
 
 from __future__ import annotations
@@ -36,14 +37,12 @@ class Extent:
     high: Any
 
     @staticmethod
-    def of(t0: Any, t1: Any, t2: Any) -> Extent:
-        """Sort the three."""
+    def of(t0: Any, t1: Any, t2: Any, shift: Any = 0.0) -> Extent:
+        """Sort the three, all moved by `shift`."""
         low, high = dr.minimum(t0, t1), dr.maximum(t0, t1)
-        return Extent(
-            dr.minimum(low, t2),
-            dr.maximum(low, dr.minimum(high, t2)),
-            dr.maximum(high, t2),
-        )
+        middle = dr.maximum(low, dr.minimum(high, t2))
+        low, high = dr.minimum(low, t2), dr.maximum(high, t2)
+        return Extent(*(dr.clip(t + shift, 0, 1) for t in (low, middle, high)))
 
     def below(self, t: Any) -> Any:
         """F: the share of the triangle's area below t, 0 to 1."""
@@ -76,20 +75,22 @@ class Axis:
         """The bin of t."""
         return dr.minimum(mi.UInt32(self.position(t)), self._bins - 1)
 
-    def bend(self, t: Sequence[Any], middle: Sequence[Any]) -> Any:
-        """By how many bins the coordinate at the middles of a triangle's edges (0-1, 1-2, 2-0)
-        differs from what is linear in its corners."""
-        worst = mi.Float(0)
+    def bend(self, t: tuple[Any, Any, Any], middle: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+        """How the coordinate at the middles of a triangle's edges (0-1, 1-2, 2-0) differs from
+        what is linear in its corners: by how many bins at most, and by how much over the whole
+        triangle were it quadratic, whose bump over an edge has mean 1/3."""
+        worst, mean = mi.Float(0), mi.Float(0)
         for k in range(3):
             straight = 0.5 * (t[k] + t[(k + 1) % 3])
             off = dr.abs(self.position(middle[k]) - self.position(straight))
             worst = dr.maximum(worst, off)
-        return worst
+            mean += (middle[k] - straight) * (1 / 3)
+        return worst, mean
 
 
 class Bands:
-    """The bins of a layer as bands on the sphere of incident directions; of a layer with two
-    curves, the boxes where bands of both cross.
+    """The bins of a layer as bands on the sphere of incident directions: of its coordinate, or
+    the boxes of its two coordinates.
 
     Numbers are arrays of the device, so that objects with the same models share a kernel.
     """
@@ -98,10 +99,11 @@ class Bands:
         self.layer = layer
         self.model = layer.model
         self.plain = layer.model.coordinate_name == "none"
-        self.axes = [Axis(layer.bins, layer.spacing)]
         if isinstance(layer.model, TwoCurves):
             self.axes = [Axis(axis.bins, axis.spacing) for axis in layer.model.axes]
             self._second = dr.opaque(mi.UInt32, layer.model.bins2)
+        else:
+            self.axes = [Axis(layer.bins, layer.spacing)]
         numbers = {item.name: item.default for item in self.model.fixed_parameters}
         self.fixed = {
             name: dr.opaque(mi.Float, float(layer.fixed.get(name, default)))  # type: ignore[arg-type]
@@ -109,12 +111,11 @@ class Bands:
         }
 
     def coordinates(self, wi: Any, wo: Any) -> list[Any]:
-        """t of incident directions in the material's frame, 0 to 1, of each curve."""
-        model = self.model
-        if isinstance(model, TwoCurves):
-            found = list(model.coordinates(drjit_maths, wi, wo, self.fixed))
+        """t along each axis of incident directions in the material's frame, 0 to 1."""
+        if isinstance(self.model, TwoCurves):
+            found = list(self.model.coordinates(drjit_maths, wi, wo, self.fixed))
         else:
-            found = [model.coordinate(drjit_maths, wi, wo, self.fixed)]
+            found = [self.model.coordinate(drjit_maths, wi, wo, self.fixed)]
         return [dr.clip(t, 0, 1) for t in found]
 
     def quotients(self, wi: Any, wo: Any) -> list[Any]:
@@ -125,17 +126,20 @@ class Bands:
     def extents(
         self, corners: Sequence[Any], middles: Sequence[Any], wo: Any
     ) -> tuple[list[Extent], Any]:
-        """Where a triangle lies along each curve, and by how many bins it is bent at most.
+        """What a triangle reaches along each axis, and by how many bins the worst is bent.
 
-        corners, middles: directions to its corners and to the middles of its edges.
+        corners, middles: directions to its corners and to the middles of its edges, 0-1, 1-2
+        and 2-0.
         """
-        ts = [self.coordinates(w, wo) for w in corners]
-        between = [self.coordinates(w, wo) for w in middles]
+        at_corners = [self.coordinates(w, wo) for w in corners]
+        at_middles = [self.coordinates(w, wo) for w in middles]
         found, bent = [], mi.Float(0)
-        for n, axis in enumerate(self.axes):
-            own = [t[n] for t in ts]
-            bent = dr.maximum(bent, axis.bend(own, [t[n] for t in between]))
-            found.append(Extent.of(*own))
+        for k, axis in enumerate(self.axes):
+            t0, t1, t2 = (t[k] for t in at_corners)
+            m0, m1, m2 = (t[k] for t in at_middles)
+            bend, shift = axis.bend((t0, t1, t2), (m0, m1, m2))
+            bent = dr.maximum(bent, bend)
+            found.append(Extent.of(t0, t1, t2, shift))
         return found, bent
 
     def spread(

@@ -31,6 +31,14 @@ CURVED = ((0.006, 4), (0.03, 16))
 from there on where its object is glossy; no more than SAMPLES in all. Only the lights around
 its mirror direction are gathered at all of them."""
 
+NEAR = 0.35
+"""Radians around the mirror direction of a curved row in which all its points gather light, and
+twice the spread of its normals more."""
+
+MATTE = 4
+"""How many times as many points the rows of other objects get: they are as much faster, and
+what is left to see in them are the edges of shadows."""
+
 
 @dataclass(frozen=True)
 class RowPoints:
@@ -41,8 +49,9 @@ class RowPoints:
     first `count` of each row are meant. share: float64 [rows, slots, 3], what the mean over the
     points is multiplied by for each layer slot: the part of the pixel's filter that the object
     covers, times the mean of the layer's weight map over it. mirror: float32 [n, 3], where the
-    mean normal mirrors the eye to; spread: float64 [n], standard deviation of the normals in
-    radians.
+    mean normal mirrors the eye to; near: float64 [n], radians around it in which all points of
+    a row gather light, and the first few alone elsewhere; spread: float64 [n], standard
+    deviation of the normals in radians.
     """
 
     found: Int32
@@ -52,6 +61,7 @@ class RowPoints:
     direction: Float32
     share: Float64
     mirror: Float32
+    near: Float64
     spread: Float64
 
 
@@ -103,7 +113,7 @@ def find_points(
     length = np.linalg.norm(normal, axis=1)
     spread = np.sqrt(np.maximum(1 - length * length, 0))
     wanted = np.zeros(len(rows), np.int64)
-    wanted[found] = _wanted(tracer, rows.object[found], spread, points)
+    wanted[found], near = _wanted(tracer, rows.object[found], spread, points)
     chosen = _choose(met, counts, wanted, found)
     direction = np.concatenate(directions).astype(np.float32)
     eye = -direction[chosen[:, 0]]
@@ -116,17 +126,20 @@ def find_points(
         direction,
         np.array(sums).astype(np.float64).reshape(-1, slots, 3)[: len(rows)] / SAMPLES,
         (2 * (eye * normal).sum(axis=1, keepdims=True) * normal - eye).astype(np.float32),
+        near,
         spread,
     )
 
 
-def _wanted(tracer: Tracer, objects: Int32, spread: Float64, points: int) -> Int64:
-    """How many points each row gets: int64 [rows]."""
-    glossy = np.array([_is_glossy(item.material.layers) for item in tracer.basis.objects])
-    factor = np.ones(len(objects), np.int64)
+def _wanted(tracer: Tracer, objects: Int32, spread: Float64, points: int) -> tuple[Int64, Float64]:
+    """How many points rows get, int64 [n], and in which angle round the mirror direction."""
+    glossy = np.array([_is_glossy(item.material.layers) for item in tracer.basis.objects])[objects]
+    factor = np.where(glossy, 1, MATTE)
     for least, more in CURVED:
-        factor[(spread > least) & glossy[objects]] = more
-    return np.minimum(points * factor, SAMPLES)
+        factor[(spread > least) & glossy] = more
+    curved = glossy & (factor > 1)
+    near = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
+    return np.minimum(points * factor, SAMPLES), near
 
 
 def _is_glossy(layers: Sequence[Layer]) -> bool:
