@@ -208,7 +208,7 @@ def test_json_and_pickle_name_the_file(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "a.binary").unlink()
     with pytest.raises(MissingFile, match="no such file"):
         _ = model.data  # type: ignore[attr-defined]
-    with pytest.raises(InvalidValue, match="homomorphic over theta_h or theta_in"):
+    with pytest.raises(InvalidValue, match="homomorphic over theta_h, theta_in or both"):
         measured_material(table, "homomorphic", "theta_d")
 
 

@@ -14,6 +14,7 @@ from burnish.materials.coefficients import albedo, coefficients, energies, sides
 from burnish.materials.curve import Curve
 from burnish.materials.layer import Layer, LayerState
 from burnish.materials.maths import Vector, numpy_maths
+from burnish.materials.measured import edited_table, measured_material
 from burnish.materials.models.ashikhmin_shirley_curves import AshikhminShirleyCurves
 from burnish.materials.models.cook_torrance import CookTorranceConductor
 from burnish.materials.models.cook_torrance_curves import CookTorranceCurves
@@ -25,6 +26,7 @@ from burnish.materials.registry import (
     layer_to_json,
 )
 from burnish.materials.two_curves import TwoCurves
+from tests.materials.test_measured import analytic
 from tests.materials.test_models import Case, ashikhmin_shirley_2000, directions, product_form
 
 COLOUR = (0.1, 0.5, 1.0)
@@ -185,3 +187,27 @@ def test_bins_that_do_not_fit_are_refused() -> None:
         CookTorranceCurves(bins=512, bins2=256)
     with pytest.raises(InvalidValue, match="those of both curves, 4096"):
         Layer("metal", CookTorranceCurves(), bins=64)
+
+
+@pytest.mark.parametrize("form", ["half-difference", "homomorphic"])
+def test_measured_data_with_both_factors_as_curves(form: Any) -> None:
+    table = analytic()
+    material = measured_material(table, form, "both", bins=32)
+    layer = material.layers[-1]
+    model = layer.model
+    assert isinstance(model, TwoCurves)
+    assert (model.bins, model.bins2) == (32, 24)
+    # Unedited the measured table, to the bit
+    assert np.array_equal(edited_table(material, material.initial).raw, table.raw)
+    # Both curves doubled: the term four times, the rest of the material as it was
+    double = Curve((0.0,), ((2.0, 2.0, 2.0),))
+    state = replace(material.initial.layers[layer.name], curve=double, second_curve=double)
+    edited = replace(material.initial, layers={**material.initial.layers, layer.name: state})
+    wi, wo = (
+        Vector(*(np.broadcast_to(a, table.valid.shape) for a in w)) for w in table.directions()
+    )
+    lit = (wi.z > 0) & (wo.z > 0)
+    up = [Vector(*(a[lit] for a in w)) for w in (wi, wo)]
+    share = np.stack(model.share(numpy_maths, *up))  # type: ignore[attr-defined]
+    found = edited_table(material, edited).raw[:, lit]
+    np.testing.assert_allclose(found, table.raw[:, lit] * (1 + 3 * share), rtol=1e-9)

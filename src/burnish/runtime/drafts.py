@@ -31,6 +31,8 @@ FEWEST_BINS = 96
 """Below which a plain product costs less than choosing terms."""
 _ADVANTAGE = 1.25
 """How much faster drafts must be to be worth their memory."""
+_WORTHWHILE = 1e-3
+"""Seconds of a plain contraction below which there is nothing to gain."""
 _SAMPLE_BYTES = 24 << 20
 """Of the core, what is timed: more than caches hold."""
 _TURNS = 5
@@ -57,7 +59,8 @@ class Choice:
     @property
     def drafts(self) -> bool:
         """Whether the part is drawn incrementally."""
-        return self.fits and self.incremental * _ADVANTAGE < self.plain
+        slow = self.plain > max(self.incremental * _ADVANTAGE, _WORTHWHILE)
+        return self.fits and slow
 
 
 class Drafts:

@@ -9,7 +9,12 @@ import numpy as np
 
 from burnish.core.errors import InvalidValue
 from burnish.core.types import Float64, Value
-from burnish.materials.coefficients import conserved, edited_profile, outgoing
+from burnish.materials.coefficients import (
+    conserved,
+    edited_profile,
+    edited_second_profile,
+    outgoing,
+)
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Vector, numpy_maths
 from burnish.materials.measured.factors import Form
@@ -22,10 +27,12 @@ from burnish.materials.measured.models import (
     MeasuredIncident,
     MeasuredSpecular,
 )
+from burnish.materials.measured.pairs import MeasuredHalfDifference, MeasuredHomomorphic
 from burnish.materials.measured.register import find, keep, path_of
 from burnish.materials.measured.table import ReflectanceTable
+from burnish.materials.two_curves import TwoCurves
 
-Angle = Literal["theta_h", "theta_d", "theta_in"]
+Angle = Literal["theta_h", "theta_d", "theta_in", "both"]
 
 
 def measured_material(
@@ -38,32 +45,47 @@ def measured_material(
 
     form: "half-difference" gives the layers "diffuse", edited over θin, and "specular", edited
     over `curve` ("theta_h" or "theta_d"); "homomorphic" gives one layer "measured", edited over
-    "theta_h" or "theta_in". A bundle needs the file to be where it was.
+    "theta_h" or "theta_in". With "both" it has two curves (see `two_curves`). A bundle needs the
+    file to be where it was.
     Raises InvalidValue, MissingFile, MeasurementError.
     """
     table = source if isinstance(source, ReflectanceTable) else read_merl(source)
     key = keep(table)
     models: dict[str, type[Measured]]
-    if form == "half-difference" and curve in ("theta_h", "theta_d"):
-        specular = MeasuredSpecular if curve == "theta_h" else MeasuredFresnel
-        models = {"diffuse": MeasuredDiffuse, "specular": specular}
-    elif form == "homomorphic" and curve in ("theta_h", "theta_in"):
-        models = {"measured": MeasuredHalf if curve == "theta_h" else MeasuredIncident}
+    specular: dict[str, type[Measured]] = {
+        "theta_h": MeasuredSpecular,
+        "theta_d": MeasuredFresnel,
+        "both": MeasuredHalfDifference,
+    }
+    whole: dict[str, type[Measured]] = {
+        "theta_h": MeasuredHalf,
+        "theta_in": MeasuredIncident,
+        "both": MeasuredHomomorphic,
+    }
+    if form == "half-difference" and curve in specular:
+        models = {"diffuse": MeasuredDiffuse, "specular": specular[curve]}
+    elif form == "homomorphic" and curve in whole:
+        models = {"measured": whole[curve]}
     else:
         raise InvalidValue(
-            "measured data have the forms half-difference over theta_h or theta_d, and "
-            f"homomorphic over theta_h or theta_in; got {form!r} over {curve!r}"
+            "measured data have the forms half-difference over theta_h, theta_d or both, and "
+            f"homomorphic over theta_h, theta_in or both; got {form!r} over {curve!r}"
         )
     values: dict[str, Value] = {"color": (1.0, 1.0, 1.0)}
+    made = {name: kind(key, path_of(key)) for name, kind in models.items()}
+    made = {
+        name: model.with_bins(bins, min(bins, 24)) if isinstance(model, TwoCurves) else model
+        for name, model in made.items()
+    }
     layers = tuple(
         Layer.starting_at(
             name,
-            kind(key, path_of(key)),
+            kind,
             values,
             bins=bins if kind.coordinate_name == "theta_h" else min(bins, 24),
             spacing=2.0 if kind.coordinate_name == "theta_h" else 1.0,
         )
-        for name, kind in models.items()
+        for name, kind in made.items()
     )
     return Material(layers, MaterialState({layer.name: LayerState(values) for layer in layers}))
 
@@ -104,8 +126,14 @@ def _change(layer: Layer, state: LayerState, wi: Vector, wo: Vector) -> Float64:
     share = np.stack(model.share(numpy_maths, wi, wo))
     if not state.enabled:
         return -share
-    t = model.coordinate(numpy_maths, wi, wo, layer.fixed)
-    ratio = edited_profile(layer, state, t) / model.profile(t, state.values, layer.fixed)
+    if isinstance(model, TwoCurves):
+        t, other = model.coordinates(numpy_maths, wi, wo, layer.fixed)
+        second = edited_second_profile(layer, state, other)
+        ratio = second / model.second_profile(other, state.values, layer.fixed)
+    else:
+        t, ratio = model.coordinate(numpy_maths, wi, wo, layer.fixed), np.ones((1, 1))
+    ratio = ratio * edited_profile(layer, state, t)
+    ratio = ratio / model.profile(t, state.values, layer.fixed)
     ratio = ratio * (np.asarray(state.values["color"], np.float64) * state.weight)
     factor = outgoing(layer, state, wo.z, delta=False)
     if factor is not None:
