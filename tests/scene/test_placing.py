@@ -186,6 +186,23 @@ def test_a_mesh_turns_with_its_normals(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen(scene.mi_scene), seen(built), rtol=2e-4, atol=2e-5)
 
 
+def test_a_lamp_may_be_named_as_its_material_is(tmp_path: Path) -> None:
+    """As in Mitsuba's Cornell box, where Mitsuba itself tells the two apart by a number."""
+    (tmp_path / "quad.obj").write_text(QUAD)
+    (tmp_path / "scene.xml").write_text(
+        """<scene version="3.0.0"><sensor type="perspective"/>
+        <bsdf type="diffuse" id="light"/>
+        <shape type="obj"><string name="filename" value="quad.obj"/><ref id="light"/>
+          <emitter type="area"/></shape></scene>"""
+    )
+    scene = load(tmp_path / "scene.xml")
+    assert [light.name for light in scene.lights] == ["light"]
+    placed = validated(scene, {"position": (3.0, 0.0, 0.0), "size": 2.0})
+    built = scene.with_lights({}, placed=placed).build()
+    LightMover(scene).place(placed)
+    np.testing.assert_allclose(seen(scene.mi_scene), seen(built), rtol=2e-4, atol=2e-5)
+
+
 def test_surroundings_are_replaced_by_a_file(tmp_path: Path) -> None:
     other = np.random.default_rng(4).uniform(0.1, 2.0, (6, 12, 3)).astype(np.float32)
     path = tmp_path / "other.exr"

@@ -20,6 +20,7 @@ from burnish.materials.placement import parameters_of
 from burnish.scene.objects import Draft
 from burnish.scene.placing import (
     Placement,
+    can_move,
     emitter_values,
     lamp_values,
     place_emitter,
@@ -120,7 +121,7 @@ def find_lights(
         for shape in own:
             if shape.emitter() is not None:
                 add(shape.emitter(), draft.id)
-        if draft.id in position and not draft.instanced:
+        if draft.id in position and not draft.instanced and all(map(can_move, own)):
             described(draft.id, lamp_values(own))
     for emitter in built.emitters():
         if _number(emitter) not in numbers:

@@ -29,9 +29,13 @@ class LightMover:
         self._parameters = mi.traverse(scene.mi_scene)
         self._scene = scene.mi_scene
         self._lights = {light.name: light for light in scene.lights if light.parameters}
+        keys = _keys(self._parameters)
         self._shapes = {
-            light.name: [scene.tree.id(node) for node in light.shapes]
+            light.name: [keys["shape", scene.tree.id(node)] for node in light.shapes]
             for light in self._lights.values()
+        }
+        self._emitters = {
+            name: keys["emitter", name] for name in self._lights if ("emitter", name) in keys
         }
         self._own: dict[str, AnyArray] = {}
         self._placed: dict[str, Placement] = {}
@@ -92,10 +96,10 @@ class LightMover:
                 self._parameters[f"{shape}.vertex_normals"] = mi.Float(np.ravel(turned_normals))
 
     def _place_emitter(self, light: SceneLight, placement: Placement, picture: Any) -> None:
-        name, values = light.name, _values(light)
+        name, values = self._emitters[light.name], _values(light)
         if light.kind == "point":
             position = placement.get("position", values["position"])
-            self._parameters[f"{name}.position"] = mi.Point3f(*position)
+            self._parameters[f"{name}.position"] = mi.Point3f(*map(float, position))
             return
         if surrounds(light.kind):
             self._transform(name, turned(light.kind, self._matrix(name), placement))
@@ -103,7 +107,7 @@ class LightMover:
                 own = self._original(f"{name}.data")
                 if picture is not None:
                     self._parameters[f"{name}.data"] = picture
-                elif not placement.get("file") and self._file(name):
+                elif not placement.get("file") and self._file(light.name):
                     self._parameters[f"{name}.data"] = mi.TensorXf(own)
             return
         self._transform(name, world_change(values, placement) @ self._matrix(name))
@@ -132,6 +136,19 @@ class LightMover:
         # A number that is known when a kernel is made would make another kernel
         dr.make_opaque(value)
         self._parameters[key] = value
+
+
+def _keys(parameters: Any) -> dict[tuple[str, str], str]:
+    """What the keys of shapes and of emitters begin with, by their ids. A shape may be named as
+    its material is, and its keys then otherwise."""
+    found = {}
+    for key, (_, _, node, _) in parameters.properties.items():
+        start, _, name = key.rpartition(".")
+        if name in ("position", "to_world", "vertex_positions"):
+            for kind, of in (("shape", mi.Shape), ("emitter", mi.Emitter)):
+                if isinstance(node, of):
+                    found[kind, node.id()] = start
+    return found
 
 
 def _values(light: SceneLight) -> dict[str, Any]:

@@ -49,6 +49,11 @@ def emitter_values(emitter: Any, kind: str) -> dict[str, Value]:
     return found
 
 
+def can_move(shape: Any) -> bool:
+    """Whether a built shape (mi.Shape) can be put elsewhere."""
+    return isinstance(shape, mi.Mesh) or "to_world" in mi.traverse(shape)
+
+
 def lamp_values(shapes: Sequence[Any]) -> dict[str, Value]:
     """The middle of the shapes of a lamp (mi.Shape), and the way that they face, if one."""
     low = np.min([np.ravel(shape.bbox().min) for shape in shapes], axis=0)
