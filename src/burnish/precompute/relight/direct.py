@@ -184,7 +184,8 @@ class DirectView:
         active = dr.full(mi.Bool, True, lanes)
         met, _ = self.paths.meet(ray, random, active, emission=self.factors)
         light = self._reflected(met, u_light, u1, u2) * weight
-        return _per_pixel(light, spp), _per_pixel(met.emission * weight, spp)
+        reflected, seen = _per_pixel([light, met.emission * weight], spp)
+        return reflected, seen
 
     def _reflected(self, met: Any, u_light: Any, u1: Any, u2: Any) -> Any:
         scene, m = self.paths.scene.mi_scene, self.paths.materials
@@ -238,9 +239,12 @@ def _light_mis(ds: Any, pdf: Any) -> Any:
     return dr.select(ds.delta, 1, mis(ds.pdf, pdf))
 
 
-def _per_pixel(colour: Any, spp: int) -> Float32:
-    colour = mi.Color3f(colour)
-    dr.eval(colour)
-    return np.stack(
-        [np.asarray(dr.block_sum(colour[c], spp)) / np.float32(spp) for c in range(3)], axis=1
-    )
+def _per_pixel(colours: Sequence[Any], spp: int) -> list[Float32]:
+    """Means over each pixel's samples: float32 [pixels, 3] each, all in one kernel."""
+    flat = [mi.Float(mi.Color3f(colour)[c]) for colour in colours for c in range(3)]
+    dr.eval(flat)
+    if spp > 1:
+        flat = [dr.block_sum(channel, spp) * (1 / spp) for channel in flat]
+        dr.eval(flat)
+    planes = [np.asarray(channel, np.float32) for channel in flat]
+    return [np.stack(planes[k : k + 3], axis=1) for k in range(0, len(planes), 3)]

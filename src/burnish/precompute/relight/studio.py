@@ -44,9 +44,12 @@ class _Estimate:
             count = min(samples - self.samples, LARGEST_PASS)
             count = _square(count)
             fresh = trace(count, seed + 65537 * self.samples)
+            if not self.samples:
+                self.values, self.samples = fresh, count
+                continue
             total = self.samples + count
             a, b = np.float32(self.samples / total), np.float32(count / total)
-            pairs = zip(self.values or fresh, fresh, strict=True)
+            pairs = zip(self.values, fresh, strict=True)
             self.values = tuple(a * old + b * new for old, new in pairs)
             self.samples = total
         return self.values

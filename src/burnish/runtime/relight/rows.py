@@ -92,10 +92,14 @@ def row_light(
     factors = [basis.outgoing_factor(part.object, state, piece, cosines) for piece in own]
     if all(factor is None for factor in factors):
         c = whole[first : own[-1].stop]
+        if not c.any():
+            return result
         return apply(part.transfer, nodes, c) * part.tint
     for piece, factor in zip(own, factors, strict=True):
         c = np.zeros((part.transfer.columns, 3), np.float32)
         c[piece.start - first : piece.stop - first] = whole[piece.start : piece.stop]
+        if not c.any():
+            continue
         light = apply(part.transfer, nodes, c)
         result += light if factor is None else light * factor.astype(np.float32)
     return result * part.tint

@@ -23,11 +23,11 @@ from burnish.transport.gather import GatherData, GatherView, RowTransfer
 from burnish.transport.protocols import DirectLight
 from burnish.transport.rows import Rows
 
-LEVELS = (4, 16, 64, 256)
+LEVELS = (1, 4, 16, 64, 256)
 """Samples of direct light per pixel, at first and after each pause."""
 WHOLE = 64
 """Samples where a picture is asked once and for all."""
-PER_POINT = (1, 4, 8, 16)
+PER_POINT = (1, 2, 4, 8, 16)
 """Light samples at each point of a cell, at each level."""
 PAUSE_SECONDS = 0.3
 """After so long without an edit a picture is made better."""
@@ -138,8 +138,7 @@ class RelightView:
             nodes = self.data.tree.means(light.radiance[z])
             for part in self.view.parts:
                 if part.object not in kept:
-                    pixel = self._pixels(part)
-                    V[pixel, z] += row_light(self.basis, self.view, part, nodes, state)
+                    V[self._pixels(part), z] += row_light(self.basis, self.view, part, nodes, state)
         return FrozenPart(
             object=-1,
             indirect=False,
