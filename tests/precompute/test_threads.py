@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from burnish.precompute.plan import basis_for
 from burnish.precompute.prepass import find_rows
 from burnish.precompute.symbolic import SymbolicMaterials
 from burnish.precompute.tracer import Tracer
+from burnish.scene import Scene
 from tests.precompute import worlds
 
 
@@ -42,8 +45,12 @@ def test_blocks_hold_whole_pixels(
     assert passed
 
 
-def test_plain_additions_equal_atomic_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = worlds.glossy(32)
+@pytest.mark.parametrize("world", [worlds.glossy, worlds.metals])
+def test_plain_additions_equal_atomic_ones(
+    monkeypatch: pytest.MonkeyPatch, world: Callable[[int], Scene]
+) -> None:
+    """Of layers with one quotient, and of several, which are added to two at a time."""
+    scene = world(32)
     basis = basis_for(scene, None, (16, 8, 1))
     tracer = Tracer(scene, scene.view(), SymbolicMaterials(scene, basis))
     rows = find_rows(tracer, 0).rows

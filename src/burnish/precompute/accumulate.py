@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import Float32, Int32, Int64
+from burnish.precompute.arrangement import Arrangement, arranged, plain
 from burnish.precompute.tables import NONE
 from burnish.precompute.tracer import CELL, Target, Tracer
 from burnish.transport.rows import Rows
@@ -48,7 +49,8 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Run:
-    """Rows start … stop of one object and kind, `columns` wide, from `offset` on in values."""
+    """Rows start … stop of one object and kind, `columns` wide, from `offset` on in values, and
+    how the values of each lie."""
 
     object: int
     indirect: bool
@@ -56,13 +58,15 @@ class Run:
     stop: int
     columns: int
     offset: int
+    arrangement: Arrangement
 
 
 @dataclass(frozen=True)
 class Layout:
     """Where each row's values lie in one flat array; a value is RGB and a float of nothing.
 
-    Rows are sorted by object and kind, so every (object, kind) is one dense run.
+    Rows are sorted by object and kind, so every (object, kind) is one dense run. offsets: int64
+    [rows], in values.
     """
 
     runs: tuple[Run, ...]
@@ -71,8 +75,9 @@ class Layout:
     tails: int
 
     @staticmethod
-    def of(tracer: Tracer, rows: Rows) -> Layout:
-        """Lay out the rows of a rectangle."""
+    def of(tracer: Tracer, rows: Rows, side_by_side: bool = False) -> Layout:
+        """Lay out the rows of a rectangle: column after column, or as an `Arrangement` has the
+        quotients side by side."""
         basis, runs, offset = tracer.basis, [], 0
         offsets = np.zeros(len(rows), np.int64)
         start = 0
@@ -80,23 +85,34 @@ class Layout:
             index, indirect = int(rows.object[start]), bool(rows.indirect[start])
             same = (rows.object[start:] == index) & (rows.indirect[start:] == indirect)
             stop = start + (len(same) if same.all() else int(np.argmin(same)))
+            arrangement = (arranged if side_by_side else plain)(basis, index, indirect)
+            # Values that are added to two at a time begin at an even place
+            offset += offset % 2
+            offsets[start:stop] = offset + np.arange(stop - start) * arrangement.places
             columns = basis.columns(index, indirect)
-            step = columns * basis.tails
-            offsets[start:stop] = offset + np.arange(stop - start) * step
-            runs.append(Run(index, indirect, start, stop, columns, offset))
-            offset += (stop - start) * step
+            runs.append(Run(index, indirect, start, stop, columns, offset, arrangement))
+            offset += (stop - start) * arrangement.places
             start = stop
         return Layout(tuple(runs), offsets, offset, basis.tails)
 
-    def split(self, values: Float32) -> list[Float32]:
-        """The flat array as one [rows, columns, tails, CELL] view per run."""
+    def places(self, values: Float32) -> list[Float32]:
+        """The flat array as one [rows, places, CELL] view per run."""
         flat = values.reshape(-1, CELL)
-        return [
-            flat[run.offset :][: (run.stop - run.start) * run.columns * self.tails].reshape(
-                run.stop - run.start, run.columns, self.tails, CELL
-            )
-            for run in self.runs
-        ]
+        result = []
+        for run in self.runs:
+            shape = run.stop - run.start, run.arrangement.places, CELL
+            result.append(flat[run.offset :][: shape[0] * shape[1]].reshape(shape))
+        return result
+
+    def split(self, values: Float32) -> list[Float32]:
+        """The flat array as one [rows, columns, tails, CELL] per run: a view where the values
+        are in order, else a copy."""
+        result = []
+        for run, own in zip(self.runs, self.places(values), strict=True):
+            order = run.arrangement.order
+            ordered = own if order is None else own[:, order]
+            result.append(ordered.reshape(len(own), run.columns, self.tails, CELL))
+        return result
 
 
 class Accumulator:
@@ -107,7 +123,7 @@ class Accumulator:
         self.tracer = tracer
         self.rectangle = rectangle
         self.rows = rows
-        self.layout = Layout.of(tracer, rows)
+        self.layout = Layout.of(tracer, rows, side_by_side=True)
         if self.layout.values * CELL >= NONE:
             raise MemoryError("a tile's tensor must have fewer than 2³² values")
         pixels, objects = rectangle.width * rectangle.height, max(len(tracer.basis.objects), 1)
@@ -170,10 +186,17 @@ class Accumulator:
         return [total[..., :3] * scale for total in self.sums()]
 
     def sums(self) -> list[Float32]:
-        """T of each run, summed over the samples: float32 [rows, columns, tails, CELL], views of
-        the device's memory where it is ours."""
+        """T of each run, summed over the samples: float32 [rows, columns, tails, CELL]."""
+        return self.layout.split(self._values())
+
+    def places(self) -> list[Float32]:
+        """The same as it lies: float32 [rows, places, CELL], views of the device's memory where
+        it is ours."""
+        return self.layout.places(self._values())
+
+    def _values(self) -> Float32:
         values = np.array(self.target.transport, copy=False)
-        return self.layout.split(values[: self.layout.values * CELL])
+        return np.asarray(values[: self.layout.values * CELL], np.float32)
 
     def image(self, buffer: Any) -> Float32:
         """A per-pixel sum as float32 [height, width, 3], per sample; [lights, height, width, 3]

@@ -49,7 +49,7 @@ def plan_views(scene: Scene, basis: Basis, seed: int) -> list[ViewPlan]:
     for view in scene.views:
         tracer = Tracer(scene, view, materials)
         rows = find_rows(tracer, tile_seed(seed, view.name, -1, 0)).rows
-        check_memory(basis, rows, view.width * view.height)
+        check_memory(basis, rows, view.width, view.height)
         tiles = tiles_for(basis, rows, view.width, view.height)
         plans.append(ViewPlan(view.name, tracer, rows, tiles))
     return plans
@@ -69,7 +69,7 @@ def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
     rectangle, tracer = accumulator.rectangle, accumulator.tracer
     blocks: list[Block] = []
     # Sums, not means: scaling a whole tile copies up to a gigabyte, of which most is zero
-    for run, T in zip(accumulator.layout.runs, accumulator.sums(), strict=True):
+    for run, T in zip(accumulator.layout.runs, accumulator.places(), strict=True):
         which = np.arange(run.start, run.stop, dtype=np.int32)
         blocks += compress_tile(
             T,
@@ -79,6 +79,7 @@ def finished_tile(accumulator: Accumulator, tolerance: float) -> Tile:
             tracer.basis,
             tolerance,
             1 / max(accumulator.samples, 1),
+            run.arrangement.keys,
         )
     rows, blocks = drop_unused(accumulator.rows, blocks)
     t = accumulator.target

@@ -83,7 +83,10 @@ def open_first(
         none = mi.UInt32(zero)
 
         def terms() -> list[Terms]:
-            return [Terms(none, none, [zero] * m.ranks[s], None) for s in range(m.slots)]
+            return [
+                Terms(none, none, [zero] * rank, None, none, none if rank > 1 else None)
+                for rank in m.ranks
+            ]
 
         return terms(), zero, mi.Vector3f(zero), zero, zero != 0, terms()
 
@@ -125,12 +128,18 @@ def meet_second(
 
 
 def select_terms(condition: Any, a: Terms, b: Terms) -> Terms:
-    """Terms a where the condition holds, else b."""
+    """Terms a where the condition holds, else b; without what either has not."""
+
+    def select(x: Any, y: Any) -> Any:
+        return None if x is None or y is None else dr.select(condition, x, y)
+
     return Terms(
-        dr.select(condition, a.column, b.column),
-        dr.select(condition, a.stride, b.stride),
-        [dr.select(condition, x, y) for x, y in zip(a.quotients, b.quotients, strict=True)],
-        None if a.H is None else dr.select(condition, a.H, b.H),
+        select(a.column, b.column),
+        select(a.stride, b.stride),
+        [select(x, y) for x, y in zip(a.quotients, b.quotients, strict=True)],
+        select(a.H, b.H),
+        select(a.place, b.place),
+        select(a.step, b.step),
     )
 
 

@@ -18,9 +18,10 @@ import numpy as np
 
 from burnish.core.types import Float32
 from burnish.precompute.accumulate import Accumulator, Rectangle
+from burnish.precompute.plan import row_bytes
 from burnish.precompute.prepass import find_rows
 from burnish.precompute.symbolic import SymbolicMaterials, settled
-from burnish.precompute.tracer import CELL, VALUE_BYTES, Tracer
+from burnish.precompute.tracer import CELL, Tracer
 from burnish.scene import Scene, View
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.frozen import Powers
@@ -111,18 +112,7 @@ class LiveEstimate:
         return find_rows(tracer, self.seed, PREPASS_SAMPLES).rows
 
     def _bytes(self, rows: Rows) -> int:
-        columns = np.array(
-            [
-                [self.basis.columns(i, kind) for kind in (False, True)]
-                for i in range(len(self.basis.objects))
-            ]
-            or [[0, 0]]
-        )
-        return (
-            int(columns[rows.object, rows.indirect.astype(int)].sum())
-            * self.basis.tails
-            * VALUE_BYTES
-        )
+        return int(row_bytes(self.basis, rows).sum())
 
     def _halve_bins(self) -> bool:
         """Half as many bins in every layer; False when they are few already."""
@@ -136,9 +126,7 @@ class LiveEstimate:
                     item,
                     material=replace(
                         item.material,
-                        layers=tuple(
-                            layer.coarser() for layer in item.material.layers
-                        ),
+                        layers=tuple(layer.coarser() for layer in item.material.layers),
                     ),
                 )
                 for item in self.basis.objects
@@ -221,8 +209,11 @@ class LiveEstimate:
                 count, width = run.stop - run.start, (piece.stop - piece.start) * tails
                 # Channels apart and rows whole, a channel at a time to bound the copy
                 cell = dr.arange(mi.UInt32, count * width)
-                first = (run.offset + cell // width * (run.columns * tails)) + cell % width
-                index = (first + piece.start * tails) * CELL
+                place = cell % width + piece.start * tails
+                order = run.arrangement.order
+                if order is not None:
+                    place = dr.gather(mi.UInt32, mi.UInt32(order.astype(np.uint32)), place)
+                index = (run.offset + cell // width * run.arrangement.places + place) * CELL
                 for channel in range(3):
                     values = dr.gather(mi.Float, source, index + channel) * scale
                     out[channel] = np.array(values, copy=False).reshape(count, width)

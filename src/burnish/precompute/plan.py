@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.materials.lights import grouped
 from burnish.precompute.accumulate import Rectangle
+from burnish.precompute.arrangement import arranged
 from burnish.precompute.tracer import VALUE_BYTES
 from burnish.scene import Scene
 from burnish.transport.basis import Basis, EditableObject
@@ -21,9 +23,12 @@ SQUARE = 8
 TILE_SIDES = (128, 96, 64, 48, 32, 16, 8)
 TILE_BYTES = 2 << 30
 MEMORY_BYTES = 8 << 30
-DIRECTIONS = 0.25
-"""Row directions that a compressed square keeps, as a share of its rows: 16 of 64 is what
-the compression's limit leaves at thousands of samples, fewer at less."""
+CELLS = 7
+"""Numbers that blocks keep of each row, column and channel: 4 to 7 at hundreds of samples, in
+the papers' scenes and series."""
+
+CORNER = 16
+"""Directions over the rows and over the tails that a square with few rows may keep."""
 
 
 def basis_for(
@@ -91,31 +96,56 @@ def tiles_for(basis: Basis, rows: Rows, width: int, height: int) -> list[Rectang
 
 def row_bytes(basis: Basis, rows: Rows) -> np.ndarray:
     """Uncompressed bytes of each row: int64 [rows]."""
-    columns = np.array(
-        [[basis.columns(i, kind) for kind in (False, True)] for i in range(len(basis.objects))]
-    )
-    each = columns[rows.object, rows.indirect.astype(int)].astype(np.int64)
-    return np.asarray(each * basis.tails * VALUE_BYTES)
-
-
-def check_memory(basis: Basis, rows: Rows, pixels: int) -> None:
-    """Refuse a bake whose editing would not fit in MEMORY_BYTES.
-
-    The largest frozen form holds one object's columns with the powers of its variables, for
-    the row directions of its squares, and every other row's powers. Raises TooLarge.
-    """
-    powers = basis.bounces * (1 + basis.coarse_bins if basis.coarse else 1)
-    worst = 0.0
+    places = np.zeros((max(len(basis.objects), 1), 2), np.int64)
     for i in range(len(basis.objects)):
-        own = (rows.object == i) & ~rows.indirect
-        worst = max(worst, float(own.sum()) * DIRECTIONS * basis.columns(i) * powers * 12)
-    lights = max(len(basis.lights), 1)
-    need = worst + len(rows) * powers * 12 + pixels * lights * 24
+        places[i] = [arranged(basis, i, kind).places for kind in (False, True)]
+    return np.asarray(places[rows.object, rows.indirect.astype(int)] * VALUE_BYTES)
+
+
+def check_memory(basis: Basis, rows: Rows, width: int, height: int) -> None:
+    """Refuse a bake whose editing, one object at a time, would not fit in MEMORY_BYTES.
+
+    Raises TooLarge.
+    """
+    need = editing_bytes(basis, rows, width, height)
     if need > MEMORY_BYTES:
         raise TooLarge(
             f"editing this bake would need {need / 2**30:.1f} GiB and may have "
             f"{MEMORY_BYTES / 2**30:.0f}: {remedies(basis)}"
         )
+
+
+def editing_bytes(basis: Basis, rows: Rows, width: int, height: int) -> int:
+    """What editing one object of a view takes at most: the blocks, laid out for freezing and
+    frames; V of all other rows, made once by pixel and once by power; the pictures of every
+    light."""
+    layers = np.array([len(item.material.layers) for item in basis.objects] or [0])
+    columns = np.zeros((len(layers), 2), np.int64)
+    for i in range(len(basis.objects)):
+        columns[i] = [basis.columns(i, kind) for kind in (False, True)]
+    y, x = np.divmod(rows.pixel.astype(np.int64), width)
+    square = y // SQUARE * width + x // SQUARE
+    keys = np.stack([rows.object, rows.indirect, square])
+    (index, indirect, _), counts = np.unique(keys, axis=1, return_counts=True)
+    few = np.minimum(counts, CORNER) * min(basis.tails, CORNER)
+    cells = np.maximum(CELLS * counts, few)
+    # Three channels of 16 bits; of each layer U, whole squares of it, and S
+    core = 6 * int((cells * columns[index, indirect]).sum())
+    own = SQUARE**2 * np.minimum(counts, SQUARE**2) + basis.tails * np.minimum(cells, CORNER)
+    sides = 4 * int((layers[index] * own).sum())
+    pictures = 24 * width * height * (most_powers(basis) + max(len(basis.lights), 1))
+    return core + sides + pictures
+
+
+def most_powers(basis: Basis) -> int:
+    """The most powers that freezing one object leaves symbolic, or the mix of the lights."""
+    most = max(len(basis.lights), 1)
+    degree = basis.monomials.degree
+    for i, item in enumerate(basis.objects):
+        coarse = sum(owner == i for owner, _, _ in basis.coarse)
+        groups = len(item.material.groups)
+        most = max(most, comb(groups + degree, degree) * (1 + coarse))
+    return most
 
 
 def remedies(basis: Basis) -> str:

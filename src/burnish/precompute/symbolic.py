@@ -13,7 +13,7 @@ ones are left to Mitsuba's BSDF.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -42,13 +42,21 @@ class Terms:
     """Where one direction pair falls in the columns of one layer slot.
 
     column: first column (bin j of quotient 0); stride: columns from one quotient to the
-    next; quotients: [rank] scalars; H: the weight map's colour or None.
+    next; quotients: [rank] scalars; H: the weight map's colour or None. place, step: where
+    quotient 0 lies in a row under tail 0, and places from one tail to the next, see
+    `Arrangement`; step is None for 1.
     """
 
     column: Any
     stride: Any
     quotients: list[Any]
     H: Any
+    place: Any = None
+    step: Any = None
+
+    def placed(self) -> Terms:
+        """Without the columns: what is left to add to a row."""
+        return replace(self, column=None, stride=None)
 
 
 @dataclass
@@ -65,6 +73,8 @@ class Slot:
     square: Any
     indirect_bins: Any
     indirect_column: Any
+    place: Any
+    step: Any
 
 
 class SymbolicMaterials:
@@ -155,10 +165,18 @@ class SymbolicMaterials:
         flags = [[bend.shadows, bend.two_sided_inside] for _, bend in self.bends] or [[False] * 2]
         self._bend_flags = _array(mi.UInt32, np.array(flags, np.uint32))
         square = (t.spacing > 1.5).astype(np.uint32)
-        blank = np.zeros_like(square)
         fields = (t.model, t.bins, t.column, square, t.indirect_bins, t.indirect_column)
-        self._packed = _array(mi.UInt32, np.stack([*fields, blank, blank], axis=2))
-        names = "delta_column", "coarse_first", "coarse_bins", "variable", "map", "group_slot"
+        self._packed = _array(mi.UInt32, np.stack([*fields, t.place, t.step], axis=2))
+        self._tails = _array(mi.UInt32, np.array([self.basis.tails], np.uint32))
+        names = (
+            "delta_column",
+            "delta_place",
+            "coarse_first",
+            "coarse_bins",
+            "variable",
+            "map",
+            "group_slot",
+        )
         self._t = {name: _array(mi.UInt32, getattr(t, name)) for name in names}
         self._spacing, self._half = _array(mi.Float, t.spacing), _array(mi.Float, t.half)
         self._square_spacings = bool(np.isin(t.spacing, (1.0, 2.0)).all())
@@ -242,7 +260,7 @@ class SymbolicMaterials:
             entry = obj * max(self.slots, 1) + s
             low = dr.gather(mi.Vector4u, self._packed, entry * 2, active)
             high = dr.gather(mi.Vector4u, self._packed, entry * 2 + 1, active)
-            result.append(Slot(entry, low.x, low.y, low.z, low.w, high.x, high.y))
+            result.append(Slot(entry, low.x, low.y, low.z, low.w, high.x, high.y, high.z, high.w))
         return result
 
     def _bin(self, t: Any, layout: Slot) -> Any:
@@ -336,7 +354,12 @@ class SymbolicMaterials:
                 dr.select(lit & (fine if k else True), dr.maximum(value, 0) if k == 0 else value, 0)
                 for k, value in enumerate(quotients)
             ]
-            result.append(Terms(column, layout.bins, q, H[s]))
+            many = self.ranks[s] > 1
+            step = dr.select(fine, layout.step, 1) if many else None
+            width = self._tails * layout.step if many else self._tails
+            indirect = (layout.indirect_column + coarse) * self._tails
+            place = dr.select(fine, layout.place + j * width, indirect)
+            result.append(Terms(column, layout.bins, q, H[s], place, step))
         return result
 
     def contract(self, obj: Any, terms: list[Terms], wo: Any, delta: Any, active: Any) -> Any:
@@ -370,7 +393,10 @@ class SymbolicMaterials:
             exists = active & (column != NONE)
             q = [dr.select(exists, mi.Float(1), 0)]
             q += [mi.Float(0)] * (self.ranks[s] - 1)
-            result.append(Terms(dr.select(exists, column, 0), layouts[s].bins, q, H[s]))
+            place = dr.select(exists, self._entry("delta_place", obj, s), 0)
+            step = mi.UInt32(1) if self.ranks[s] > 1 else None
+            column = dr.select(exists, column, 0)
+            result.append(Terms(column, layouts[s].bins, q, H[s], place, step))
         return result
 
     def sample(self, obj: Any, wo: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 from burnish.core.types import AnyArray
 from burnish.materials.layer import Layer
 from burnish.materials.model import Model
+from burnish.precompute.arrangement import Arrangement
 from burnish.transport.basis import Basis, coarse_count
 
 NONE = 0xFFFFFFFF
@@ -27,11 +28,12 @@ class LayerTables:
 
     model: index into `models`, or NONE. bins. spacing: float32. column, delta_column,
     indirect_column: first column of the bins, the delta lobe (or NONE), the indirect rows'
-    coarse bins. indirect_bins, coarse_bins: how many. coarse_first: first coarse column of a
-    second encounter. half: float32, 1 where the half-angle lobe suits the model. variable: of
-    the polynomial. group_slot: the first slot of the object's g-th group. map: index of the
-    weight map, or NONE. fixed: float32 by parameter name. By object: layers, groups: how many;
-    half_share, delta_share: float32, the default mixture for sampling an open material.
+    coarse bins. place, step, delta_place: see `Arrangement`. indirect_bins, coarse_bins: how
+    many. coarse_first: first coarse column of a second encounter. half: float32, 1 where the
+    half-angle lobe suits the model. variable: of the polynomial. group_slot: the first slot of
+    the object's g-th group. map: index of the weight map, or NONE. fixed: float32 by parameter
+    name. By object: layers, groups: how many; half_share, delta_share: float32, the default
+    mixture for sampling an open material.
     """
 
     def __init__(
@@ -51,6 +53,9 @@ class LayerTables:
         self.spacing = np.ones(shape, np.float32)
         self.column = np.zeros(shape, np.uint32)
         self.delta_column = np.full(shape, NONE, np.uint32)
+        self.place = np.zeros(shape, np.uint32)
+        self.step = np.ones(shape, np.uint32)
+        self.delta_place = np.zeros(shape, np.uint32)
         self.indirect_column = np.zeros(shape, np.uint32)
         self.indirect_bins = np.ones(shape, np.uint32)
         self.coarse_first = np.zeros(shape, np.uint32)
@@ -77,7 +82,10 @@ class LayerTables:
     def _lay_out(self, o: int, layers: Sequence[Layer]) -> None:
         """Where each layer's columns are, in the order of `Basis.slices`."""
         column = indirect = 0
+        own = Arrangement.of(layers, self._basis.tails)
         for s, layer in enumerate(layers):
+            self.place[o, s], self.step[o, s] = own.first[s], own.step[s]
+            self.delta_place[o, s] = own.delta[s] or 0
             self.model[o, s] = self._models.index(layer.model)
             self.bins[o, s], self.spacing[o, s] = layer.bins, layer.spacing
             self.column[o, s] = column

@@ -162,12 +162,14 @@ class Tracer:
             row=mi.UInt32(NONE),
             terms=[
                 Terms(
-                    mi.UInt32(0),
-                    mi.UInt32(0),
-                    [mi.Float(0) for _ in range(m.ranks[s])],
+                    None,
+                    None,
+                    [mi.Float(0) for _ in range(rank)],
                     mi.Color3f(1) if m.maps else None,
+                    mi.UInt32(0),
+                    mi.UInt32(1) if rank > 1 else None,
                 )
-                for s in range(m.slots)
+                for rank in m.ranks
             ],
             coarse=mi.UInt32(0),
             monomial=mi.UInt32(0),
@@ -347,7 +349,9 @@ class Tracer:
             coarse = 1 + again.wi_column * self._monomial_count
             path.coarse = dr.select(second, coarse, path.coarse)
         factor = dr.select(pdf_next > 0, factor, 0)
-        path.terms = [select_terms(first, a, b) for a, b in zip(bounced, path.terms, strict=True)]
+        path.terms = [
+            select_terms(first, a.placed(), b) for a, b in zip(bounced, path.terms, strict=True)
+        ]
         path.monomial = monomial
 
         # Move on
@@ -400,24 +404,52 @@ class Tracer:
     def _add(
         self, target: Target, row: Any, terms: list[Terms], tail: Any, value: Any, active: Any
     ) -> None:
-        """T[row, column + k · stride, tail] += quotient_k · H · value, for every layer slot."""
+        """T[row, column_k, tail] += quotient_k · H · value, for every layer slot."""
         active = active & (row != NONE) & dr.any(value != 0)
-        for term in terms:
-            colour = value if term.H is None else value * term.H
-            for k, q in enumerate(term.quotients):
-                cell = row + (term.column + k * term.stride) * self._tails + tail
-                _add_to_cell(target, cell, colour * q, active & (q != 0))
+        terms = [term.placed() for term in terms]
+
+        def add(row: Any, terms: list[Terms], tail: Any, value: Any, active: Any) -> tuple[()]:
+            for term in terms:
+                _add_term(target, row, term, tail, value, active)
+            return ()
+
+        # A packet in which no path adds branches round it all
+        arguments = row, terms, tail, value, active
+        dr.if_stmt(arguments, active, add, lambda *_: (), label="additions")
 
 
-def _add_to_cell(target: Target, cell: Any, colour: Any, active: Any) -> None:
-    """transport[cell] += colour. Adding channel by channel costs a third of a pass."""
+def _add_term(target: Target, row: Any, term: Terms, tail: Any, value: Any, active: Any) -> None:
+    """Add to the quotients of a layer's bin, which lie side by side from an even place on; two in
+    one step where no addition need be atomic. A layer of one quotient has odd places too."""
+    colour = value if term.H is None else value * term.H
+    qs = term.quotients
+    place = row + term.place + (tail if term.step is None else tail * term.step)
+    if not target.apart or len(qs) == 1:
+        for k, q in enumerate(qs):
+            _add_to_place(target, place + k, colour * q, active & (q != 0))
+        return
+    alone = term.step == 1
+    _add_to_place(target, place, colour * qs[0], active & alone & (qs[0] != 0))
+    for k in range(0, len(qs), 2):
+        pair = [*(colour * qs[k]), mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0)]
+        lit = qs[k] != 0
+        if k + 1 < len(qs):
+            pair[4:7] = list(colour * qs[k + 1])
+            lit |= qs[k + 1] != 0
+        mode = dr.ReduceMode.NoConflicts
+        at = (place + k) >> 1
+        dr.scatter_add(target.transport, mi.ArrayXf(pair), at, active & ~alone & lit, mode=mode)
+
+
+def _add_to_place(target: Target, place: Any, colour: Any, active: Any) -> None:
+    """transport[place] += colour. Adding channel by channel costs a third of a pass."""
     if target.apart:
         value = mi.Vector4f(colour.x, colour.y, colour.z, 0)
         mode = dr.ReduceMode.NoConflicts
-        dr.scatter_add(target.transport, value, cell, active, mode=mode)
+        dr.scatter_add(target.transport, value, place, active, mode=mode)
         return
     for channel in range(3):
-        dr.scatter_add(target.transport, colour[channel], cell * CELL + channel, active)
+        dr.scatter_add(target.transport, colour[channel], place * CELL + channel, active)
 
 
 def mis(a: Any, b: Any) -> Any:

@@ -34,23 +34,37 @@ class Cells:
         Channels after the third are padding, all zero.
         """
         _, c, z, width = T.shape
-        flat = T.reshape(len(T), c * z, width)
+        return Cells.among(T.reshape(len(T), c * z, width), rows, c, z)
+
+    @staticmethod
+    def among(
+        flat: Float32, rows: AnyArray, columns: int, tails: int, keys: AnyArray | None = None
+    ) -> Cells:
+        """The same of numbers [R, places, 3 or more] that lie in any order.
+
+        keys: int64 [places], column · tails + tail of each place, negative for one that is
+        always black; None where they are in order.
+        """
+        width = flat.shape[-1]
         # Neighbouring rows lie side by side: one call for each such run
         starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1)
         runs = [(int(run[0]), int(run[-1]) + 1) for run in np.split(rows, starts[1:]) if len(run)]
-        seen = np.zeros((c * z, width), np.uint32)
+        seen = np.zeros(flat.shape[1:], np.uint32)
         for first, stop in runs:
             bits = flat[first:stop].view(np.uint32)
             np.bitwise_or(seen, np.bitwise_or.reduce(bits, axis=0), out=seen)
-        cells = np.flatnonzero(seen[:, 0] | seen[:, 1] | seen[:, 2])
+        places = cells = np.flatnonzero(seen[:, 0] | seen[:, 1] | seen[:, 2])
+        if keys is not None:
+            places = places[np.argsort(keys[places])]
+            cells = keys[places]
         values = np.empty((len(rows), len(cells), width), np.float32)
         at = 0
         for first, stop in runs:
             # "clip" writes in place, where "raise" would go through a copy
             target = values[at : at + stop - first]
-            np.take(flat[first:stop], cells, axis=1, out=target, mode="clip")
+            np.take(flat[first:stop], places, axis=1, out=target, mode="clip")
             at += stop - first
-        return Cells(np.ascontiguousarray(values[..., :3]), cells, c, z)
+        return Cells(np.ascontiguousarray(values[..., :3]), cells, columns, tails)
 
     def lit_rows(self) -> AnyArray:
         """Which rows have any light: bool [r]."""

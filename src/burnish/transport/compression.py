@@ -237,12 +237,14 @@ def compress_tile(
     basis: Basis,
     tolerance: float = DEFAULT_TOLERANCE,
     factor: float = 1.0,
+    keys: AnyArray | None = None,
 ) -> list[Block]:
     """Compress a tile's rows of one object and kind, square by square and layer by layer.
 
     The columns of a diffuse layer and those of a lobe's bins differ in size and in noise by
     orders of magnitude: together, the ranks would follow the noisiest of them.
-    T: float32 [r, c, z, 3]. rows: the tile's rows. which: int32 [r], the rows of T among
+    T: float32 [r, c, z, 3], or float32 [r, places, 3 or more], whose `keys` are as in
+    `Cells.among`. rows: the tile's rows. which: int32 [r], the rows of T among
     them, all of one object and kind. width: pixels across the whole view. factor: what T is
     multiplied by. Squares with no light at all give no block.
     """
@@ -255,11 +257,13 @@ def compress_tile(
     pixel = rows.pixel[which]
     square = (pixel // width // SQUARE).astype(np.int64) * (width // SQUARE + 1)
     square += pixel % width // SQUARE
+    columns = pieces[-1].stop
+    flat = T.reshape(len(T), -1, T.shape[-1])
     order = np.lexsort((pixel, square))
     cuts = np.flatnonzero(np.diff(square[order])) + 1
 
     def work(members: AnyArray) -> list[Block]:
-        cells = Cells.of(T, members)
+        cells = Cells.among(flat, members, columns, basis.tails, keys)
         np.multiply(cells.values, np.float32(factor), out=cells.values)
         lit = cells.lit_rows()
         if not lit.all():
