@@ -19,8 +19,10 @@ from burnish.materials.parameter import Parameter
 from burnish.runtime.freeze import freeze
 from burnish.runtime.renderer import Renderer
 from burnish.session import Session
+from burnish.transport.basis import State
 from burnish.transport.contraction import lit_columns
 from burnish.transport.frozen import FoldedPart, Frozen, FrozenPart
+from burnish.transport.stack import Stack
 
 STEPS = 32
 
@@ -43,6 +45,7 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
     frozen = freeze(source, index, state)
     stacks = source.stacks()
     stored = sum(stack.nbytes for stack in stacks)
+    read = sum(freeze_bytes(stack, frozen, state) for stack in stacks)
     made = sum(made_bytes(part) for part in frozen.parts)
 
     def frozen_anew() -> None:
@@ -51,7 +54,7 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
         Renderer(freeze(source, index, state))
 
     freezing = interleaved(
-        {"freeze": frozen_anew, "read": reader(stored + made)}, max(3, repeats // 4)
+        {"freeze": frozen_anew, "read": reader(read + made)}, max(3, repeats // 4)
     )
 
     # With nothing read, nor in the system's cache
@@ -84,6 +87,7 @@ def measure(path: Path, object_id: str, repeats: int) -> dict[str, Any]:
         "edited": name,
         "pixels": source.width * source.height,
         "blocks_bytes": stored,
+        "freeze_bytes": read + made,
         "frozen_bytes": made,
         "frame_bytes": size,
         "freeze_ms": 1e3 * freezing["freeze"],
@@ -152,6 +156,25 @@ def made_bytes(part: FrozenPart | FoldedPart) -> int:
     return part.nbytes
 
 
+def freeze_bytes(stack: Stack, frozen: Frozen, state: State) -> int:
+    """What a freeze must read of a stack at least: of a target's its tails, of another's its lit
+    columns and all else; nothing of a layer without weight."""
+    if stack.object in frozen.targets:
+        return stack.S.nbytes
+    lit = lit_bytes(stack, frozen, state)
+    return lit + stack.S.nbytes + stack.expansion.nbytes if lit else 0
+
+
+def lit_bytes(stack: Stack, frozen: Frozen, state: State) -> int:
+    """Bytes of the columns of a stack's core that add light to a picture."""
+    span = slice(stack.start, stack.start + stack.columns)
+    weights = frozen.basis.column_coefficients(stack.object, state, stack.indirect)[span]
+    spans = [lit_columns(weights[:, h] * stack.scale[h]) for h in range(3)]
+    columns = sum(lit.stop - lit.start for lit in spans)
+    size: int = stack.core[0].nbytes * columns
+    return size // stack.columns
+
+
 def frame_bytes(frozen: Frozen, session: Session) -> int:
     """What a frame must touch at least: the lit columns of the targets' blocks, or their F; V
     of all other rows; and the picture, written."""
@@ -161,12 +184,7 @@ def frame_bytes(frozen: Frozen, session: Session) -> int:
             size += part.nbytes
             continue
         stack = part.stack
-        size += part.nbytes - stack.core.nbytes
-        span = slice(part.slice.start, part.slice.stop)
-        weights = frozen.basis.column_coefficients(stack.object, session.state, stack.indirect)
-        for h in range(3):
-            lit = lit_columns(weights[span, h] * stack.scale[h])
-            size += stack.core[h].nbytes * (lit.stop - lit.start) // stack.columns
+        size += part.nbytes - stack.core.nbytes + lit_bytes(stack, frozen, session.state)
     return size
 
 

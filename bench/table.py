@@ -54,10 +54,11 @@ def run(quick: bool) -> Report:
         "Each bake in a process of its own, whose peak memory is given; freezing and frames in "
         "another, through a session, with one parameter moving. In brackets the paper's figure "
         "(2008, Table 2). × bw: over the time that reading as many bytes with all cores takes, "
-        "measured in turns with it: of a freeze the blocks as stored and what is made of them, of "
-        "a frame the lit columns of the edited object's blocks, the light of the others and the "
-        "picture. A freeze keeps nothing of earlier ones; a switch is from another object, just "
-        "edited, to the first frame. Cold: files dropped from the system's cache."
+        "measured in turns with it: of a freeze the lit columns, tails and row directions of the "
+        "other objects' blocks and what is made of them, of a frame the lit columns of the edited "
+        "object's, the light of the others and the picture. A freeze keeps nothing of earlier "
+        "ones; a switch is from another object, just edited, to the first frame. Cold: files "
+        "dropped from the system's cache."
     )
     return Report("table", "Table 2 of 2008", notes, rows, goals, {"rows": data})
 

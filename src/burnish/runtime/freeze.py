@@ -21,7 +21,7 @@ import numpy as np
 
 from burnish.core.errors import InvalidValue, TooLarge
 from burnish.core.parallel import parallel_map
-from burnish.core.types import Float32
+from burnish.core.types import Float32, Float64
 from burnish.transport.basis import Basis, ColumnSlice, State
 from burnish.transport.contraction import Contracted, contract, fold, meet_tails
 from burnish.transport.expansion import blank, flattened
@@ -191,11 +191,13 @@ def _contract_columns(
     """
     width, height = size
     z, n, _ = factors.shape
-    slices = [_columns_of(basis, stack) for stack in stacks]
-    weights = [
-        basis.column_coefficients(stack.object, state, stack.indirect)[piece.start : piece.stop]
-        for stack, piece in zip(stacks, slices, strict=True)
-    ]
+    lit: list[tuple[Stack, ColumnSlice, Float64]] = []
+    for stack in stacks:
+        piece = _columns_of(basis, stack)
+        own = basis.column_coefficients(stack.object, state, stack.indirect)
+        # A layer without weight adds nothing
+        if own[piece.start : piece.stop].any():
+            lit.append((stack, piece, own[piece.start : piece.stop]))
     by_channel = factors.transpose(0, 2, 1).reshape(z, 3 * n)
 
     def folded(stack: Stack, found: Contracted) -> Float32:
@@ -204,9 +206,10 @@ def _contract_columns(
         tails *= peak[:, None, None]
         return fold(stack, cells, tails).reshape(3 * n, -1)
 
-    latents = parallel_map(folded, stacks, contract(stacks, weights))
+    cells = contract([stack for stack, _, _ in lit], [weights for _, _, weights in lit])
+    latents = parallel_map(folded, [stack for stack, _, _ in lit], cells)
     picture = blank(width, height, 3 * n)
-    for stack, piece, latent in zip(stacks, slices, latents, strict=True):
+    for (stack, piece, _), latent in zip(lit, latents, strict=True):
         stack.expansion.add(latent, picture, _outgoing(basis, stack, piece, state, n))
     planes = _planes(flattened(picture)[:height, :width])
     return FrozenPart(
