@@ -43,7 +43,6 @@ CASES: list[tuple[Callable[[], Scene], tuple[int, ...]]] = [
     (worlds.textured, (32, 8)),
     (worlds.three_layers, (16, 16)),
     (worlds.by_components, (32, 8, 1)),
-    (worlds.over_two_curves, (8, 2)),
     (worlds.metals, (32, 1, 1)),
     (worlds.under_small_lights, (32, 1)),
     (worlds.under_an_environment, (32, 1)),

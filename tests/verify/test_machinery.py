@@ -120,6 +120,7 @@ WORLDS: list[tuple[Callable[[int], Scene], tuple[int, ...]]] = [
     (worlds.textured, (32, 8, 1)),
     (worlds.three_layers, (32, 1, 1, 1)),
     (worlds.three_layers, (16, 16)),
+    (worlds.over_two_curves, (16, 4, 1)),
     (worlds.metals, (64, 1, 1)),
     (worlds.metals, (32, 8, 1)),
     (worlds.rough_metals, (32, 8, 1)),

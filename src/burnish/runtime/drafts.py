@@ -32,7 +32,7 @@ FEWEST_BINS = 96
 _ADVANTAGE = 1.25
 """How much faster drafts must be to be worth their memory."""
 _WORTHWHILE = 1e-3
-"""Seconds of a plain contraction below which there is nothing to gain."""
+"""Seconds of processor time that a frame must save."""
 _SAMPLE_BYTES = 24 << 20
 """Of the core, what is timed: more than caches hold."""
 _TURNS = 5
@@ -41,7 +41,8 @@ _MEMORY_SHARE = 8
 
 @dataclass(frozen=True)
 class Choice:
-    """What was measured for one part of a frozen form: seconds of a frame's contraction.
+    """What was measured for one part of a frozen form: a frame's contraction, in seconds of
+    processor time, which a busy machine does not stretch.
 
     plain: of all lit columns; incremental: of `budget` out of `terms` wavelets for each channel.
     """
@@ -59,8 +60,8 @@ class Choice:
     @property
     def drafts(self) -> bool:
         """Whether the part is drawn incrementally."""
-        slow = self.plain > max(self.incremental * _ADVANTAGE, _WORTHWHILE)
-        return self.fits and slow
+        faster = self.incremental * _ADVANTAGE < self.plain
+        return self.fits and faster and self.plain - self.incremental > _WORTHWHILE
 
 
 class Drafts:
@@ -170,6 +171,12 @@ class Drafts:
         return Columns(model.model.rank, bins)
 
 
+def _clock() -> float:
+    """Processor time of all threads, or the time of day where that is known too coarsely."""
+    fine = time.get_clock_info("process_time").resolution < 1e-5
+    return time.process_time() if fine else time.perf_counter()
+
+
 def measured(
     stack: Stack, columns: Columns, weights: Float64, object_id: str = "", layer: str = ""
 ) -> Choice:
@@ -187,12 +194,12 @@ def measured(
     for _ in range(_TURNS):
         other = perfect * rng.uniform(0.5, 2.0, perfect.shape)
         piece.kept.clear()
-        start = time.perf_counter()
+        start = _clock()
         contract([piece], [weights])
-        middle = time.perf_counter()
+        middle = _clock()
         product.closer(other, budget)
         plain.append(middle - start)
-        incremental.append(time.perf_counter() - middle)
+        incremental.append(_clock() - middle)
     scale = chunks / some
     need = 4 * stack.core.size * columns.terms // max(columns.count, 1)
     return Choice(
