@@ -86,6 +86,7 @@ def test_colours_are_written_in_srgb() -> None:
         ("0.1, 0.2,0.3", (0.1, 0.2, 0.3)),
         ("#ffffff", (1.0, 1.0, 1.0)),
         ("beckmann", "beckmann"),
+        ("skies/dusk, later.exr", "skies/dusk, later.exr"),
     ],
 )
 def test_values(text: str, value: object) -> None:

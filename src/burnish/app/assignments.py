@@ -27,16 +27,20 @@ def parse_assignment(text: str) -> tuple[str, Value]:
 
 
 def parse_value(text: str) -> Value:
-    """A number, a colour or a word. Raises InvalidValue for a broken colour."""
+    """A number, a colour or place, or a word. Raises InvalidValue for a broken colour."""
     if text.startswith("#"):
         return colour_from_hex(text)
     numbers = [_number(part) for part in text.split(",")]
-    if len(numbers) == 1:
-        return text if numbers[0] is None else numbers[0]
+    if not any(number is not None for number in numbers):
+        # A choice, or the path of a file, which may hold commas
+        return text
+    if len(numbers) == 1 and numbers[0] is not None:
+        return numbers[0]
     red, green, blue = (*numbers, None, None)[:3]
     if len(numbers) != 3 or red is None or green is None or blue is None:
         raise InvalidValue(
-            f"a colour is three numbers in linear RGB, like 0.8,0.1,0.1, or #rrggbb; got {text!r}"
+            f"a colour is three numbers in linear RGB, like 0.8,0.1,0.1, or #rrggbb, and a place "
+            f"three numbers too; got {text!r}"
         )
     return red, green, blue
 
