@@ -182,6 +182,12 @@ def test_coarser_layers_halve_the_longer_side() -> None:
     assert quartered.bins == 128
 
 
+def test_many_bins_leave_room_for_the_other_curve() -> None:
+    metal, brushed = METAL.layer.with_bins(256), BRUSHED.layer.with_bins(256)
+    assert (metal.model.bins, metal.model.bins2) == (256, 32)  # type: ignore[attr-defined]
+    assert (brushed.model.bins, brushed.model.bins2) == (128, 128)  # type: ignore[attr-defined]
+
+
 def test_bins_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InvalidValue, match="65536 boxes together; got 512 × 256"):
         CookTorranceCurves(bins=512, bins2=256)

@@ -14,7 +14,7 @@ from burnish.materials.images.image import ImageMap, Place
 from burnish.materials.model import Model, Values
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.parameter import Parameter
-from burnish.materials.two_curves import TwoCurves
+from burnish.materials.two_curves import USUAL_BOXES, TwoCurves
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,11 @@ class Layer:
     def with_bins(self, bins: int) -> Layer:
         """The same layer with another number of bins (a model without a coordinate keeps 1).
 
-        Of a model with two curves they are the first one's.
+        Of a model with two curves they are the first one's, or fewer where the boxes would be
+        more than `USUAL_BOXES`.
         """
         if isinstance(self.model, TwoCurves):
-            model = self.model.with_bins(bins)
+            model = self.model.with_bins(min(bins, max(USUAL_BOXES // self.model.bins2, 1)))
             return replace(self, model=model, bins=model.boxes)
         return self if self.model.coordinate_name == "none" else replace(self, bins=bins)
 

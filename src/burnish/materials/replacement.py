@@ -94,6 +94,8 @@ def replaced(
         if model not in kinds:
             raise UnknownName("reflectance model", model, kinds)
         kind = kinds[model]()
+        if isinstance(kind, TwoCurves):
+            kind = kind.with_bins(bins, max(bins * kind.bins2 // kind.bins, 1))
         values = now.linked(state).layers[layer_name].values
         known = {item.name for item in kind.parameters}
         every = carried(before.model, {**before.fixed, **values}, kind)

@@ -25,6 +25,8 @@ from burnish.materials.model import Fixed, Model, Values
 
 MAXIMUM_BOXES = 1 << 16
 """Of both curves together."""
+USUAL_BOXES = 1 << 14
+"""As many as 2006, table 3, has: 128 × 128 or 256 × 64."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from burnish.materials.replacement import replaced
 if TYPE_CHECKING:
     from burnish.scene.loading import Scene
 
-_BINS = 64
+_BINS = 128
 
 
 def remodelled(scene: Scene, models: Mapping[str, str]) -> Scene:
