@@ -5,7 +5,8 @@
 (Cook and Torrance 1982; 2006, eq. 10; Walter et al. 2007, eq. 20.) As a sum of products:
 
 - f(t) = D(θh; α) is the profile, t = θh / (π/2);
-- G1(θo; α) is exact at run time, as s(θo);
+- G1(θo; α) is exact at run time, as s(θo), which also mends the directional albedo where the
+  expansion of F does not hold the true one (see `reflected_fresnel`);
 - G1(θi; α) ≈ Σ_m g_m(α) G1(θi; α_m), anchors α_m (see `anchors`), the first the initial α;
 - F(θd; v) ≈ Σ_f A_f(v) F(θd; v_f), anchors likewise, one set of weights per channel.
 
@@ -56,6 +57,7 @@ from burnish.materials.models.optics import (
     schlick_weight,
     schlick_weights,
 )
+from burnish.materials.models.reflected_fresnel import fresnel_factor
 from burnish.materials.parameter import Parameter
 
 ROUGHNESS = Parameter(
@@ -163,10 +165,22 @@ class Microfacets(Model):
     def outgoing(self, cos_theta_o: Float64, values: Values, fixed: Fixed) -> Float64 | None:
         cos = np.maximum(cos_theta_o, 1e-4)
         alpha, first = _rough(values), float(fixed["masking_0"])
+        mended = self._mended(cos, alpha, values, fixed)
         if alpha == first:
-            return None
+            return mended
         now = masking(numpy_maths, self.distribution, cos, alpha)
-        return np.asarray(now / masking(numpy_maths, self.distribution, cos, first))[:, None]
+        factor = np.asarray(now / masking(numpy_maths, self.distribution, cos, first))[:, None]
+        return factor if mended is None else np.asarray(factor * mended)
+
+    def _mended(
+        self, cos_theta_o: Float64, alpha: float, values: Values, fixed: Fixed
+    ) -> Float64 | None:
+        """What the expansion of F leaves to a factor of θo: float64 [n, 3], or None."""
+        cos = cosines()
+        basis = np.stack(np.broadcast_arrays(*self._fresnel_basis(numpy_maths, cos, fixed)), axis=1)
+        true = np.stack([c + 0.0 * cos for c in self._fresnel(numpy_maths, cos, values)], axis=1)
+        fitted = basis @ self._fresnel_weights(values, fixed)
+        return fresnel_factor(self.distribution, alpha, true, fitted, cos, cos_theta_o)
 
     def delta(self, values: Values, fixed: Fixed) -> Float64:
         smooth = float(values["roughness"]) < SMALLEST_ROUGHNESS  # type: ignore[arg-type]

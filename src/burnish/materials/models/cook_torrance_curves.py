@@ -77,5 +77,10 @@ class CookTorranceCurves(TwoCurves, Microfacets):
         pairs = zip(values["eta"], values["k"], strict=True)
         return [fresnel_conductor(xp, cos, eta, k) for eta, k in pairs]
 
+    def _mended(
+        self, cos_theta_o: Float64, alpha: float, values: Values, fixed: Fixed
+    ) -> Float64 | None:
+        return None
+
     def _freeze_fresnel(self, values: Values) -> dict[str, float]:
         return {}
