@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,22 @@ def test_what_is_kept_is_what_is_contracted_anew() -> None:
         own = [cell * factor for cell, factor in zip(cells, peak, strict=True)]
         exact = np.einsum("hmcn,hc,ch->hmn", stack.core, stack.scale, weights).reshape(3, -1)
         np.testing.assert_allclose(np.stack(own), exact, rtol=1e-5, atol=1e-6 * exact.max())
+
+
+def test_a_column_without_light_hides_no_other() -> None:
+    """However large its coefficient: a sharp lobe's first bins see no lamp."""
+    basis = basis_of((6, 1))
+    source, _ = compressed(basis)
+    pack = source.packs()[1]
+    core = np.array(pack.core)
+    core[:, 0] = 0
+    stack = Stack.of([replace(pack, core=core)], source.rows, source.width)
+    weights = np.ones((stack.columns, 3))
+    weights[0] = 1e9
+    ((cells, peak),) = contract([stack], [weights])
+    own = [cell * factor for cell, factor in zip(cells, peak, strict=True)]
+    exact = np.einsum("hmcn,hc->hmn", stack.core[:, :, 1:], stack.scale[:, 1:]).reshape(3, -1)
+    np.testing.assert_allclose(np.stack(own), exact, rtol=1e-5, atol=1e-5 * np.abs(exact).max())
 
 
 def test_products_backwards_are_the_transposes() -> None:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from burnish.transport.pack import Pack
 
 _LEVELS = 32767
+_NO_LIGHT = np.float32(1e-30)
+"""The step of a column of zeros."""
 CHUNK = 1 << 17
 """Numbers of a chunk; widened to float32 they stay in a core's cache."""
 _NARROWEST = 64
@@ -211,11 +213,14 @@ def _pieces(cells: slice, width: int) -> Iterator[tuple[int, slice, slice]]:
 
 
 def _scale(packs: Sequence[Pack]) -> Float32:
-    """The step of the 16-bit numbers that hold the half-precision ones: float32 [3, c]."""
+    """The step of the 16-bit numbers that hold the half-precision ones: float32 [3, c].
+
+    Columns without light have next to none: what is read depends on how bright a column can be.
+    """
     peak = np.zeros((3, len(packs[0].column_scale)), np.float32)
     for pack in packs:
         # Half floats without their sign are ordered as their bits are
         bits = (pack.core.view(np.uint16) & 0x7FFF).max(axis=2, initial=0)
         own = bits.view(np.float16).astype(np.float32) * pack.column_scale
         np.maximum(peak, own, out=peak)
-    return np.where(peak > 0, peak / np.float32(_LEVELS), np.float32(1.0))
+    return np.where(peak > 0, peak / np.float32(_LEVELS), _NO_LIGHT)
