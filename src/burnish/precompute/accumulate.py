@@ -135,7 +135,8 @@ class Accumulator:
         lights = max(tracer.groups.count, 1)
         self.target = Target(
             rows=mi.UInt32(table.ravel()),
-            transport=dr.zeros(mi.Float, max(self.layout.values, 1) * CELL),
+            # Whole pairs, since two are added to at a time; one where nothing is symbolic
+            transport=dr.zeros(mi.Float, (self.layout.values // 2 + 1) * 2 * CELL),
             apart=False,
             fixed=dr.zeros(mi.Float, lights * pixels * 3),
             emission=dr.zeros(mi.Float, lights * pixels * 3),
