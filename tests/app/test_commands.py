@@ -138,6 +138,32 @@ def test_compare(burnish: Runner, bundle: Path) -> None:
     assert (bundle.parent / "sheet.png").stat().st_size > 10_000
 
 
+def test_moved_lights_from_the_command_line(burnish: Runner, bundle: Path, tmp_path: Path) -> None:
+    """Listed, rendered, held against the truth by a live estimate, refused of a bundle."""
+    camera = (
+        '<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="12"/>'
+        '<integer name="height" value="12"/></film><transform name="to_world">'
+        '<lookat origin="0, -4, 0" target="0, 0, 0" up="0, 0, 1"/></transform></sensor>'
+    )
+    light = '<emitter type="point" id="torch"><point name="position" x="0" y="9" z="0"/></emitter>'
+    (tmp_path / "scene.xml").write_text(scene(camera, light, BALL))
+    info = json.loads(burnish("info", "scene.xml", "--json", cwd=tmp_path).out)
+    assert info["lights"][0]["parameters"]["position"]["value"] == [0.0, 9.0, 0.0]
+
+    # From behind the ball, where it shows nothing, to before it
+    moved = "--set", "light:torch.position=0,-9,3", "--set", "ball.diffuse.color=0.8"
+    found = burnish("compare", "scene.xml", *moved, "--spp", "64", "--json", cwd=tmp_path)
+    assert found.code == 0, found.err
+    said = json.loads(found.out)
+    assert said["mean_reference"] > 1e-4
+    assert said["mean_image"] == pytest.approx(said["mean_reference"], rel=0.1)
+
+    refused = burnish(
+        "render", bundle, "-o", "out.png", "--set", "light:light.size=2", cwd=tmp_path
+    )
+    assert "light:light.size cannot change here: a bake holds" in refused.complaint
+
+
 def test_compare_says_when_the_scene_has_changed(burnish: Runner, tmp_path: Path) -> None:
     film = CAMERA.replace("<film", '<film type="hdrfilm"><integer name="width" value="8"/>'
                           '<integer name="height" value="8"/></film><sampler')  # fmt: skip
