@@ -1,7 +1,7 @@
 """A tile of direct light: what materials do with it gathered from triangles, the rest traced.
 
-Columns of bins are gathered (`gather`). Directly seen emission, what fixed objects reflect and
-the delta columns of mirrors come from the path tracer with one bounce, many samples per pixel.
+Columns are gathered (`gather`). Directly seen emission and what fixed objects reflect come from
+the path tracer with one bounce, many samples per pixel.
 """
 
 from __future__ import annotations
@@ -80,7 +80,6 @@ def gather_tile(
         traced.run(samples, tile_seed(seed, plan.name, number, index), plan.largest)
     layout, basis = Layout.of(tracer, rows), tracer.basis
     fixed, emission = traced.image(traced.target.fixed), traced.image(traced.target.emission)
-    mirrors = _mirrors(traced)
     lost, samples = int(np.array(traced.target.lost)[0]), traced.samples
     # Before as much again is needed
     del traced
@@ -92,11 +91,11 @@ def gather_tile(
     _gather(direct, plan, rows, layout, where, buffer, points_seed, report)
     blocks: list[Block] = []
     values = np.array(buffer, copy=False)[: layout.values * CELL]
-    for run, T, mirror in zip(layout.runs, layout.split(values), mirrors, strict=True):
+    for run, T in zip(layout.runs, layout.split(values), strict=True):
         # One bounce reaches no row by way of another surface
         if run.indirect or run.start == run.stop:
             continue
-        _finish(T, basis, run.object, where.share[run.start : run.stop], mirror)
+        _finish(T, basis, run.object, where.share[run.start : run.stop])
         which = np.arange(run.start, run.stop, dtype=np.int32)
         blocks += compress_rows(T, rows, which, tracer.view.width, basis, tolerance)
     kept, blocks = drop_unused(rows, blocks)
@@ -148,31 +147,11 @@ def _mirror(direct: DirectPlan, where: RowPoints, here: Int64, k: int) -> Mirror
     )
 
 
-def _mirrors(traced: Accumulator) -> list[dict[int, Float32]]:
-    """The delta columns of each run, per sample: float32 [rows, tails, CELL] by column."""
-    basis = traced.tracer.basis
-    return [
-        {}
-        if run.indirect
-        else {
-            part.start: T[:, part.start] / np.float32(max(traced.samples, 1))
-            for part in basis.slices(run.object)
-            if part.delta
-        }
-        for run, T in zip(traced.layout.runs, traced.sums(), strict=True)
-    ]
-
-
-def _finish(
-    T: Float32, basis: Basis, index: int, share: Float64, mirrors: dict[int, Float32]
-) -> None:
-    """Scale what was gathered, and put in the columns of mirrors, in place.
+def _finish(T: Float32, basis: Basis, index: int, share: Float64) -> None:
+    """Scale what was gathered by the rows' share in their pixels, in place.
 
     T: float32 [rows, columns, tails, CELL]. share: float64 [rows, slots, 3], see `RowPoints`.
     """
     for part in basis.slices(index):
-        if part.delta:
-            T[:, part.start] = mirrors[part.start]
-        else:
-            scale = share[:, part.layer, None, None, :].astype(np.float32)
-            T[:, part.start : part.stop, :, :3] *= scale
+        scale = share[:, part.layer, None, None, :].astype(np.float32)
+        T[:, part.start : part.stop, :, :3] *= scale

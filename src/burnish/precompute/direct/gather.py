@@ -64,6 +64,9 @@ class ObjectLight:
         self.bands = [Bands(layer) for layer in item.material.layers]
         self._first = [dr.opaque(mi.UInt32, part.start) for part in slices]
         self._stride = [dr.opaque(mi.UInt32, layer.bins) for layer in item.material.layers]
+        self._mirrors = [
+            dr.opaque(mi.UInt32, part.start) for part in tracer.basis.slices(index) if part.delta
+        ]
         self._tails = dr.opaque(mi.UInt32, tracer.basis.tails)
         # Without light groups what falls into one column alone is summed before it is stored
         self.summed = [band.plain and not tracer.basis.lights for band in self.bands]
@@ -93,6 +96,9 @@ class ObjectLight:
         seeds = dr.arange(mi.UInt32, dr.width(offsets)) + dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         if self.tables.any_triangles:
             self._triangles(target, offsets, si, frame, mirror, active, seeds, shifts)
+            dr.eval(target)
+        if self._mirrors:
+            self._mirror(target, offsets, si, frame, mirror, active)
             dr.eval(target)
         if self.tables.any_strata:
             self._strata(target, offsets, si, frame, mirror, active, seeds, shifts)
@@ -211,6 +217,23 @@ class ObjectLight:
             label="triangles",
         )
         self._store(target, offsets, sums, active)
+
+    # -- the mirror direction ---------------------------------------------------------------
+
+    def _mirror(
+        self, target: Any, offsets: Any, si: Any, frame: Any, mirror: Mirror, active: Any
+    ) -> None:
+        """The delta columns: the emission that a smooth layer mirrors."""
+        scene = self.tracer.scene.mi_scene
+        wo = frame.wo
+        way, factor = frame.to_shading(mi.Vector3f(-wo.x, -wo.y, wo.z))
+        seen = scene.ray_intersect(si.spawn_ray(si.to_world(way)), active)
+        emitter = seen.emitter(scene)
+        lit = active & (emitter != None)  # noqa: E711 (a device comparison)
+        value = mi.Color3f(emitter.eval(seen, lit)) * dr.select(lit, factor * mirror.near, 0)
+        group = self.tracer.groups.of(emitter, lit)
+        for column in self._mirrors:
+            _add(target, offsets + column * self._tails + group, value, lit)
 
     # -- strata ---------------------------------------------------------------------------
 
