@@ -12,12 +12,15 @@ import burnish
 from burnish.compare.metrics import metrics
 from burnish.core.types import Float32
 from burnish.materials.lights import each
+from burnish.materials.names import resolve
 from burnish.precompute.plan import basis_for
 from burnish.precompute.relight.build import Settings, precompute
 from burnish.precompute.relight.studio import RelitScene
 from burnish.reference.truth import PathTracedTruth
 from burnish.runtime.relight.light import cell_light
 from burnish.runtime.relight.rows import apply, indirect
+from burnish.runtime.relight.transport import RelightView
+from burnish.runtime.renderer import Renderer
 from burnish.scene import Scene
 from burnish.scene.device import activate
 from burnish.transport.basis import State, initial_state
@@ -153,3 +156,53 @@ def test_an_open_albedo_is_a_polynomial(relit: tuple[Scene, RelitScene]) -> None
     summed = np.einsum("zgh,zh->gh", opened.radiance, values.astype(np.float32))
     # Sums of at most four products in float32
     assert np.allclose(summed, settled, rtol=1e-4, atol=1e-6 * settled.max())
+
+
+def test_a_frozen_form_follows_its_target(relit: tuple[Scene, RelitScene]) -> None:
+    """What a target's columns and powers give for another colour is what settling it gives."""
+    view = RelightView(relit[1].data, "view", relit[1])
+    basis = view.basis
+    state = dict(initial_state(basis.objects))
+    renderer = Renderer(view.freeze((0,), state))
+    item = basis.objects[0]
+    address = resolve({item.id: item.material}, f"{item.id}.diffuse.color")
+    edited = state | {item.id: address.write(item.material, state[item.id], (0.7, 0.3, 0.1))}
+    ours = renderer.image(edited)
+    settled = Renderer(view.freeze((), edited)).image(edited)
+    # 64 other samples per pixel place the edges of objects and shadows; all else is the same
+    assert np.linalg.norm(ours - settled) < 0.02 * np.linalg.norm(settled)
+    assert ours.mean(axis=(0, 1)) == pytest.approx(settled.mean(axis=(0, 1)), rel=2e-3)
+
+
+def test_a_light_that_is_off_is_dark(relit: tuple[Scene, RelitScene]) -> None:
+    view = RelightView(relit[1].data, "view", relit[1])
+    state = dict(initial_state(view.basis.objects))
+    group = each(relit[0].lights)[0]
+    state[group.key] = replace(group.initial, on=False)
+    assert not Renderer(view.freeze((), state)).image(state).any()
+
+
+def test_revisions_ask_for_better_pictures_only_where_they_are_wanted(
+    relit: tuple[Scene, RelitScene],
+) -> None:
+    view = RelightView(relit[1].data, "view", relit[1])
+    state = dict(initial_state(view.basis.objects))
+    frozen = view.freeze((), state)
+    assert view.revision == frozen.revision
+    group = each(relit[0].lights)[0]
+    view.follow({**state, group.key: replace(group.initial, intensity=2.0)})
+    assert view.revision > frozen.revision
+
+
+def test_no_node_stands_for_two_objects(relit: tuple[Scene, RelitScene]) -> None:
+    """Nodes above the objects' own trees are opened before all others."""
+    data = relit[1].data
+    owner, tree = data.samples.object, data.tree
+    mixed = [
+        n
+        for n in np.flatnonzero(tree.child >= 0)
+        if len(np.unique(owner[tree.start[n] : tree.stop[n]])) > 1
+    ]
+    others = np.setdiff1d(np.arange(len(tree.start)), mixed)
+    assert len(mixed)
+    assert tree.extent[mixed].min() > 1e6 * tree.extent[others].max()

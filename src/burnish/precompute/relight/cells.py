@@ -21,6 +21,10 @@ NORMAL_WEIGHT = 0.5
 """How far apart opposite normals are, in units of half an object's size."""
 
 
+APART = 1e12
+"""How far apart the cells of different objects lie: no node is to stand for several."""
+
+
 @dataclass(frozen=True)
 class Planes:
     """How a point walks down a tree: for each node the coordinate (0–5: position, weighted
@@ -90,7 +94,7 @@ class _Builder:
                 continue
             axis = int(np.argmax(np.ptp(middles[some], axis=0)))
             some.sort(key=lambda o: middles[o, axis])
-            self.extent[node] = float(np.linalg.norm(np.ptp(self.points[own, :3], axis=0)))
+            self.extent[node] = APART
             left, right = self._children(node)
             waiting += [(left, some[: len(some) // 2]), (right, some[len(some) // 2 :])]
         return first
