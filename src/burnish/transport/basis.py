@@ -194,9 +194,7 @@ class Basis:
         ]
         return np.concatenate(parts)
 
-    def sides(
-        self, index: int, state: State, part: ColumnSlice
-    ) -> tuple[Float64, Float64] | None:
+    def sides(self, index: int, state: State, part: ColumnSlice) -> tuple[Float64, Float64] | None:
         """Coefficients of each curve of a slice whose layer has two, A [k, j, 3] and
         B [k, l, 3]; None for one curve. Those of the columns are their outer products."""
         item = self.objects[index]
