@@ -13,8 +13,8 @@ from burnish.session.pictures import ViewPictures
 from burnish.transport.basis import State
 
 STORED = (
-    "a bake holds the light as it came from where the lights stood; open the scene itself, which "
-    "traces it anew, to move or turn them"
+    "a bake holds the light as it came from where the lights stood; open the scene itself, live or "
+    "with --mode relight, to move or turn them"
 )
 
 
