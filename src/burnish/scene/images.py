@@ -6,7 +6,7 @@ import atexit
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from burnish.core.colour import linear_from_srgb
 from burnish.core.types import Float32
 from burnish.materials.images.image import UPRIGHT, ImageMap, Transform
 from burnish.materials.images.texels import Texels
@@ -31,9 +32,8 @@ def image_of(texture: Mapping[str, Any], colour: bool) -> ImageMap:
     texels; whatever else there is becomes a picture of 1024² of them.
     """
     plugin = mi.load_dict(dict(texture))
-    found = _bitmap(texture, plugin, colour)
-    if found is not None:
-        uv = np.random.default_rng(1).random((_PROBES, 2)).astype(np.float32)
+    uv = np.random.default_rng(1).random((_PROBES, 2)).astype(np.float32)
+    for found in _bitmaps(texture, plugin, colour):
         if np.abs(found.raw(uv) - _evaluated(plugin, uv, colour)).max() < _CLOSE:
             return found
     side = ((np.arange(_GRID) + 0.5) / _GRID).astype(np.float32)
@@ -65,21 +65,28 @@ def described(image: ImageMap) -> dict[str, Any]:
     return result
 
 
-def _bitmap(texture: Mapping[str, Any], plugin: Any, colour: bool) -> ImageMap | None:
-    """A bitmap's own texels, or None for another texture."""
+def _bitmaps(texture: Mapping[str, Any], plugin: Any, colour: bool) -> Iterator[ImageMap]:
+    """What a bitmap's own texels may mean: linear or, of eight bits, sRGB; nothing for another
+    texture."""
     if texture["type"] != "bitmap":
-        return None
+        return
     parameters = mi.traverse(plugin)
-    values = np.asarray(parameters["data"], np.float32)
-    texels = Texels(values) if values.ndim == 3 and values.shape[2] in (1, 3) else None
-    if texels is None:
-        return None
-    return ImageMap(
-        texels.coloured() if colour else texels.single(),
-        transform=_transform(parameters["to_uv"].matrix),
-        wrap=texture.get("wrap_mode", "repeat"),
-        smooth=texture.get("filter_type", "bilinear") == "bilinear",
-    )
+    stored = np.asarray(parameters["data"])
+    if stored.ndim != 3 or stored.shape[2] not in (1, 3):
+        return
+    values = stored.astype(np.float32)
+    meanings = [values]
+    if stored.dtype == np.uint8:
+        values = values / 255
+        meanings = [values, np.asarray(linear_from_srgb(values), np.float32)]
+    for meant in meanings:
+        texels = Texels(meant)
+        yield ImageMap(
+            texels.coloured() if colour else texels.single(),
+            transform=_transform(parameters["to_uv"].matrix),
+            wrap=texture.get("wrap_mode", "repeat"),
+            smooth=texture.get("filter_type", "bilinear") == "bilinear",
+        )
 
 
 def _transform(matrix: Any) -> Transform:
