@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from burnish.runtime.relight.light import cell_light
 from burnish.runtime.relight.rows import indirect
 from burnish.runtime.relight.transport import RelightView
 from burnish.scene import Scene
+from burnish.scene.device import activate
 from burnish.scene.examples import cornell_box
 from burnish.session import Session
 from burnish.transport.basis import Basis
@@ -31,8 +33,8 @@ SIDE, SAMPLES, SPP, COMBINATIONS = 96, 16384, 1024, 10
 INDIRECT, DIRECT = 0.08, 0.02
 
 
-def glossy_cornell(folder: Path) -> dict[str, object]:
-    """The Cornell box, its floor of glossy plastic."""
+def glossy_cornell(folder: Path) -> dict[str, Any]:
+    """The Cornell box, its floor of glossy plastic, with a lamp of no size in it."""
     scene = cornell_box.describe(folder)
     scene["floor"]["bsdf"] = {
         "type": "roughplastic",
@@ -40,11 +42,17 @@ def glossy_cornell(folder: Path) -> dict[str, object]:
         "distribution": "ggx",
         "diffuse_reflectance": {"type": "rgb", "value": [0.4, 0.4, 0.4]},
     }
+    del scene["light"]
+    scene["lamp"] = {
+        "type": "point",
+        "position": [2.78, 4.2, 2.8],
+        "intensity": {"type": "rgb", "value": [12.0, 10.0, 8.0]},
+    }
     return scene
 
 
 def opened(name: str, folder: Path, samples: int) -> tuple[Scene, Session, RelightView]:
-    burnish.load("sphere", resolution=(8, 8))
+    activate()
     source = glossy_cornell(folder) if name == "cornell-gloss" else name
     scene = burnish.load(source, resolution=(SIDE, SIDE))
     session = relight_session(scene, samples=samples)
@@ -63,7 +71,7 @@ def rearrange(session: Session, rng: np.random.Generator) -> None:
             elif name == "tint":
                 session.set(path, tuple(rng.uniform(0.5, 1, 3).tolist()))
             elif name == "position":
-                place = np.asarray(session.get(path), float)
+                place = np.asarray(session.get(path))
                 session.set(path, tuple((place - rng.uniform(0, 0.8, 3) * (1, 0.5, 1)).tolist()))
     for item in session.objects:
         material = session.material(item.id)
