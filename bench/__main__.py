@@ -19,6 +19,7 @@ from burnish.core.version import __version__
 BENCHES = {
     "bake-rate": "bench.bake_rate",
     "table": "bench.table",
+    "direct": "bench.direct",
     "bundle-size": "bench.bundle_size",
     "equal-error": "bench.equal_error",
     "runtime": "bench.runtime",

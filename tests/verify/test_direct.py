@@ -199,8 +199,7 @@ def test_triangles_against_points(
             # Nothing is split, everything counts as bent, and the place in it is its middle
             monkeypatch.setattr(bake, "SMALLEST", 1e9)
             monkeypatch.setattr(gather, "BEND", -1.0)
-            middle = mi.Float(4 / 9), mi.Float(0.5)
-            monkeypatch.setattr(gather, "_random", lambda *arguments: middle)
+            monkeypatch.setattr(gather, "_random", lambda *_: (mi.Float(4 / 9), mi.Float(0.5)))
         bundle = burnish.bake(
             scene, tmp_path / f"{what}.burnish", mode="direct", triangles=count, spp=64
         )

@@ -21,14 +21,16 @@ from burnish.precompute.accumulate import Rectangle
 from burnish.precompute.tracer import Tracer
 from burnish.transport.rows import Rows
 
-SAMPLES = 64
+SAMPLES = 256
 """Camera samples per pixel that coverage and textures are averaged over; a square number."""
+
+MOST_POINTS = 64
 
 LANES = 1 << 20
 
 CURVED = ((0.006, 4), (0.03, 16))
 """Standard deviation of a row's normals in radians, and how many times as many points it gets
-from there on where its object is glossy; no more than SAMPLES in all. Only the lights around
+from there on where its object is glossy; no more than MOST_POINTS in all. Only the lights around
 its mirror direction are gathered at all of them."""
 
 NEAR = 0.35
@@ -139,7 +141,7 @@ def _wanted(tracer: Tracer, objects: Int32, spread: Float64, points: int) -> tup
         factor[(spread > least) & glossy] = more
     curved = glossy & (factor > 1)
     near = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
-    return np.minimum(points * factor, SAMPLES), near
+    return np.minimum(points * factor, MOST_POINTS), near
 
 
 def _is_glossy(layers: Sequence[Layer]) -> bool:
