@@ -90,6 +90,9 @@ def test_what_a_base_took_from_its_coat_keeps_its_value() -> None:
     np.testing.assert_allclose(
         albedo(base, linked), albedo(before, plain.linked(plain.initial).layers["diffuse"])
     )
+    # Of the coat, what it reflects at normal incidence
+    color = changed.initial.layers["specular"].values["color"]
+    np.testing.assert_allclose(color, ((1.49 - 1) / (1.49 + 1)) ** 2, rtol=0.01)
     names = [item.name for item in changed.parameters("specular")]
     assert names == ["color", "exponent_u", "exponent_v"]
 
@@ -107,3 +110,17 @@ def test_a_picture_that_a_model_has_no_place_for_is_refused() -> None:
     assert material_of(scene_with(bsdf)).initial.images
     with pytest.raises(InvalidValue, match="has a picture for roughness"):
         scene_with(bsdf, models={"ball.specular": "ashikhmin-shirley-curves"})
+
+
+def test_a_coat_over_two_curves_keeps_its_index() -> None:
+    plain = material_of(scene_with(PLASTIC))
+    changed = material_of(scene_with(PLASTIC, models={"ball.specular": "cook-torrance-curves"}))
+    values = changed.initial.layers["specular"].values
+    ior = plain.initial.layers["specular"].values["ior"]
+    assert values["eta"] == (ior, ior, ior)
+    assert values["k"] == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(
+        albedo(changed.layer("specular"), changed.initial.layers["specular"]),
+        albedo(plain.layer("specular"), plain.initial.layers["specular"]),
+        rtol=5e-3,
+    )

@@ -197,6 +197,10 @@ def _colour(before: Model, values: Mapping[str, Value], after: Model) -> dict[st
     had, has = _fresnel(before), _fresnel(after)
     if had == has == "index" or (had == has == "complex"):
         return {name: values[name] for name in ("color", "ior", "eta", "k") if name in values}
+    if had == "index" and has == "complex" and isinstance(after, TwoCurves):
+        # Its Fresnel curve is exact for any index
+        n = float(values["ior"])  # type: ignore[arg-type]
+        return {"color": colour, "eta": (n, n, n), "k": (0.0, 0.0, 0.0)}
     normal = normal_reflectance(before, values)
     if normal is None or not has:
         return {"color": colour}
