@@ -138,8 +138,8 @@ def test_lights_and_materials_together(figures: Figures, tmp_path: Path) -> None
 def test_polished_scenes(figures: Figures, tmp_path: Path, name: str) -> None:
     """Scenes lit by way of polished surfaces: figures without a limit.
 
-    They are beyond 0.08: what one glossy object throws on another is traced with the widths of
-    the scene, by few rays, and the rest of it counts as matte.
+    The tableau is beyond 0.08: what one glossy object throws on another is traced with the
+    widths of the scene, by few rays, and the rest of it counts as matte.
     """
     for what, indirect_part, direct_part in compared(figures, tmp_path, name, 2):
         figures.note(f"{what}: indirect", indirect_part["rel_rmse_beyond_noise"])
