@@ -23,6 +23,7 @@ from burnish.materials.models.light_view import LightView
 from burnish.materials.models.oren_nayar import OrenNayar
 from burnish.materials.models.phong import Phong
 from burnish.materials.models.schlick import Schlick
+from burnish.materials.models.torrance_sparrow import TorranceSparrow
 from burnish.materials.models.ward import WardRatio, WardWidth
 from burnish.materials.quadrature import gauss_legendre
 from burnish.materials.registry import layer_state_from_json, layer_state_to_json
@@ -115,6 +116,7 @@ def test_papers_formulae() -> None:
         "ward too": true(WardRatio(), wi, wo, {"color": COLOUR, **gauss}),
         "oren-nayar": true(OrenNayar(), wi, wo, {"color": COLOUR, "roughness": 0.5}),
         "schlick": true(Schlick(), wi, wo, {"color": COLOUR, "roughness": 0.1}),
+        "torrance": true(TorranceSparrow(), wi, wo, {"color": COLOUR, "sigma": 0.3}),
         "beard": true(BeardMaxwellSurface(), wi, wo, {"color": COLOUR, **surface}),
     }
     for n in range(len(wi.z)):
@@ -127,6 +129,9 @@ def test_papers_formulae() -> None:
                 "ward too": c * ward(g, 0.3, 0.15),
                 "oren-nayar": oren_nayar(g, 0.5, c),
                 "schlick": schlick(g, 0.1, c),
+                "torrance": c
+                * math.exp(-((g["h"] / 0.3) ** 2))
+                / (math.pi * 0.3**2 * 4 * math.cos(g["i"]) * math.cos(g["o"])),
                 "beard": beard_maxwell(g, surface, c),
             }
             for name, value in expected.items():
@@ -142,6 +147,7 @@ def test_papers_formulae() -> None:
             {"light_falloff": 0.0, "view_falloff": 0.0},
             {"light_falloff": 2.0, "view_falloff": 0.3},
         ),
+        (TorranceSparrow(), {"sigma": 0.02}, {"sigma": 0.4}),
         (OrenNayar(), {"roughness": 0.0}, {"roughness": 0.6}),
         (WardWidth(), {"roughness": 0.1, "ratio": 3.0}, {"roughness": 0.4}),
         (WardRatio(), {"roughness": 0.2, "ratio": 1.0}, {"ratio": 4.0}),

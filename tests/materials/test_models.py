@@ -47,6 +47,7 @@ from burnish.materials.models.principled import (
     PrincipledSpecular,
 )
 from burnish.materials.models.schlick import Schlick
+from burnish.materials.models.torrance_sparrow import TorranceSparrow
 from burnish.materials.models.ward import WardRatio, WardWidth
 from burnish.materials.pca.models import SIX
 from burnish.materials.quadrature import energy_table
@@ -104,6 +105,7 @@ CASES = {
     "oren-nayar": Case(OrenNayar(), {"color": COLOUR, "roughness": 0.45}),
     "ward-width": Case(WardWidth(), {"color": COLOUR, "roughness": 0.15, "ratio": 0.4}),
     "ward-ratio": Case(WardRatio(), {"color": COLOUR, "roughness": 0.2, "ratio": 2.0}),
+    "torrance-sparrow": Case(TorranceSparrow(), {"color": COLOUR, "sigma": 0.2}),
     "schlick": Case(Schlick(), {"color": COLOUR, "roughness": 0.05}),
     "beard-maxwell": Case(
         BeardMaxwellSurface(),
@@ -257,7 +259,7 @@ def corners(model: Model) -> list[dict[str, Any]]:
     return [base, *({**base, p.name: p.validate(end)} for p, end in ends)]
 
 
-UNBOUNDED = (BeardMaxwellSurface, BeardMaxwellVolume, Measured, PrincipledBase)
+UNBOUNDED = (BeardMaxwellSurface, BeardMaxwellVolume, Measured, PrincipledBase, TorranceSparrow)
 """Models whose papers do not conserve energy, as their docstrings say."""
 
 

@@ -52,6 +52,7 @@ from burnish.materials.models.principled import (
     PrincipledSpecular,
 )
 from burnish.materials.models.schlick import Schlick
+from burnish.materials.models.torrance_sparrow import TorranceSparrow
 from burnish.materials.models.ward import WardRatio, WardWidth
 from burnish.materials.painting.stroke import Stroke
 from burnish.materials.pca.models import SIX
@@ -70,6 +71,7 @@ MODELS: dict[str, type[Model]] = {
         AshikhminShirleyWidth,
         AshikhminShirleyCurves,
         Phong,
+        TorranceSparrow,
         LightView,
         OrenNayar,
         WardWidth,

@@ -11,7 +11,7 @@ edited over the same coordinate. Widths are compared as the α of a microfacet m
 | Phong, Lafortune | that of a Blinn-Phong lobe of exponent 4 n, which looks as wide |
 | Schlick | √roughness |
 | Mitsuba's `principled` | roughness² |
-| Beard-Maxwell | σ |
+| Beard-Maxwell, Torrance-Sparrow | σ |
 """
 
 from __future__ import annotations
@@ -173,6 +173,7 @@ _WIDTHS: dict[str, _Width] = {
     "ashikhmin-shirley-ratio": _EXPONENT,
     "ashikhmin-shirley-curves": replace(_EXPONENT, parameter="exponent_u"),
     "phong": _PHONG,
+    "torrance-sparrow": _Width("sigma", lambda v: v, lambda a: a),
     "beard-maxwell-surface": _Width("sigma", lambda v: v, lambda a: a),
     "ward-pca": _PLAIN,
     "ward-duer-pca": _PLAIN,
