@@ -21,7 +21,7 @@ from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.light_view import LightView
 from burnish.materials.models.oren_nayar import OrenNayar
-from burnish.materials.models.phong import Phong
+from burnish.materials.models.phong import NormalisedPhong, Phong
 from burnish.materials.models.schlick import Schlick
 from burnish.materials.models.torrance_sparrow import TorranceSparrow
 from burnish.materials.models.ward import WardRatio, WardWidth
@@ -116,6 +116,7 @@ def test_papers_formulae() -> None:
         "ward too": true(WardRatio(), wi, wo, {"color": COLOUR, **gauss}),
         "oren-nayar": true(OrenNayar(), wi, wo, {"color": COLOUR, "roughness": 0.5}),
         "schlick": true(Schlick(), wi, wo, {"color": COLOUR, "roughness": 0.1}),
+        "report": true(NormalisedPhong(), wi, wo, {"color": COLOUR, "exponent": 20.0}),
         "torrance": true(TorranceSparrow(), wi, wo, {"color": COLOUR, "sigma": 0.3}),
         "beard": true(BeardMaxwellSurface(), wi, wo, {"color": COLOUR, **surface}),
     }
@@ -129,6 +130,7 @@ def test_papers_formulae() -> None:
                 "ward too": c * ward(g, 0.3, 0.15),
                 "oren-nayar": oren_nayar(g, 0.5, c),
                 "schlick": schlick(g, 0.1, c),
+                "report": phong * 21 / 22 / math.cos(g["i"]),
                 "torrance": c
                 * math.exp(-((g["h"] / 0.3) ** 2))
                 / (math.pi * 0.3**2 * 4 * math.cos(g["i"]) * math.cos(g["o"])),
@@ -147,6 +149,7 @@ def test_papers_formulae() -> None:
             {"light_falloff": 0.0, "view_falloff": 0.0},
             {"light_falloff": 2.0, "view_falloff": 0.3},
         ),
+        (NormalisedPhong(), {"exponent": 10.0}, {"exponent": 300.0}),
         (TorranceSparrow(), {"sigma": 0.02}, {"sigma": 0.4}),
         (OrenNayar(), {"roughness": 0.0}, {"roughness": 0.6}),
         (WardWidth(), {"roughness": 0.1, "ratio": 3.0}, {"roughness": 0.4}),

@@ -17,6 +17,7 @@ from burnish.materials.coefficients import (
 from burnish.materials.components import grid
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState, freehand
 from burnish.materials.maths import Vector, numpy_maths
+from burnish.materials.models.phong import NormalisedPhong
 from burnish.materials.two_curves import TwoCurves
 
 
@@ -141,4 +142,5 @@ def _reciprocal(layer: Layer, state: LayerState) -> bool:
     if not state.enabled or state.weight == 0:
         return True
     one_sided = layer.model.coordinate_name in ("theta_in", "theta_out")
+    one_sided = one_sided or isinstance(layer.model, NormalisedPhong)
     return state.outgoing_curve is None and not one_sided

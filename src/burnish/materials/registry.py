@@ -42,7 +42,7 @@ from burnish.materials.models.fresnel_curve import FresnelCurve
 from burnish.materials.models.lambert import Lambert
 from burnish.materials.models.light_view import LightView
 from burnish.materials.models.oren_nayar import OrenNayar
-from burnish.materials.models.phong import Phong
+from burnish.materials.models.phong import NormalisedPhong, Phong
 from burnish.materials.models.plastic_base import PlasticBase
 from burnish.materials.models.principled import (
     PrincipledBase,
@@ -71,6 +71,7 @@ MODELS: dict[str, type[Model]] = {
         AshikhminShirleyWidth,
         AshikhminShirleyCurves,
         Phong,
+        NormalisedPhong,
         TorranceSparrow,
         LightView,
         OrenNayar,

@@ -173,6 +173,7 @@ _WIDTHS: dict[str, _Width] = {
     "ashikhmin-shirley-ratio": _EXPONENT,
     "ashikhmin-shirley-curves": replace(_EXPONENT, parameter="exponent_u"),
     "phong": _PHONG,
+    "phong-normalised": _PHONG,
     "torrance-sparrow": _Width("sigma", lambda v: v, lambda a: a),
     "beard-maxwell-surface": _Width("sigma", lambda v: v, lambda a: a),
     "ward-pca": _PLAIN,

@@ -63,5 +63,35 @@ class Phong(Model):
         return [xp.select(lit, color * lobe / (2 * xp.pi), 0.0) for color in values["color"]]
 
 
+@dataclass(frozen=True)
+class NormalisedPhong(Phong):
+    """ρ = color · (n + 1) / 2π · cosⁿθr / cosθi (2015; Ramamoorthi and Hanrahan 2001).
+
+    The cosine of the light is taken out, so that the highlight keeps its brightness towards
+    grazing angles; what is reflected is at most `color`, and all of it where the lobe lies above
+    the horizon. It is not reciprocal.
+
+    | parameter | range | meaning |
+    |---|---|---|
+    | color | [0, 1] per channel, linear RGB | ks, albedo of a sharp lobe |
+    | exponent | [1, 5000] | sharpness |
+    """
+
+    name = "phong-normalised"
+
+    def quotients(self, xp: Maths, wi: Any, wo: Any, fixed: Fixed) -> list[Any]:
+        return [xp.select(_cos_mirror(wi, wo) > 0, 1 / wi.z, 0.0)]
+
+    def amplitudes(self, values: Values, fixed: Fixed) -> Float64:
+        n = float(values["exponent"])  # type: ignore[arg-type]
+        return np.asarray(values["color"], np.float64).reshape(1, 3) * ((n + 1) / (2 * math.pi))
+
+    def evaluate(self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any]) -> list[Any]:
+        n = values["exponent"]
+        below = xp.select(wi.z > 0, wi.z, 1.0) * (n + 2)
+        plain = super().evaluate(xp, wi, wo, values)
+        return [channel * (n + 1) / below for channel in plain]
+
+
 def _cos_mirror(wi: Any, wo: Any) -> Any:
     return wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
