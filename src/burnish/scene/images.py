@@ -77,7 +77,7 @@ def _bitmaps(texture: Mapping[str, Any], plugin: Any, colour: bool) -> Iterator[
     values = stored.astype(np.float32)
     meanings = [values]
     if stored.dtype == np.uint8:
-        values = values / 255
+        values = np.asarray(values / 255, np.float32)
         meanings = [values, np.asarray(linear_from_srgb(values), np.float32)]
     for meant in meanings:
         texels = Texels(meant)
