@@ -47,6 +47,25 @@ def truth(scene: Scene, path: Path, spp: int) -> Estimate:
     return trace(radiance, scene.view(), spp, seed=77)
 
 
+@pytest.mark.parametrize("name", ["red-fabric", "alum-bronze", "red-metallic-paint"])
+def test_mode_direct_on_a_measured_sphere(
+    figures: Figures, assets: Path, tmp_path: Path, name: str
+) -> None:
+    """A fabric, a metal and a paint in mode `direct`: within 0.03."""
+    path = merl_file(assets, name, tmp_path)
+    scene = burnish.load(
+        "sphere", materials={"sphere": measured_material(path)}, resolution=(24, 24)
+    )
+    # The samples are those of the floor, which is traced
+    bundle = burnish.bake(scene, editable=["sphere"], mode="direct", triangles=1000, spp=4096)
+    session = burnish.edit(bundle)
+    image = session.frame() - next(iter(session.views.values())).emission
+    found = compare((image, image), truth(scene, path, 32768))
+    figures.close(name, found.metrics, LIMIT, found.image, found.reference)
+    path.unlink()
+    figures.settle()
+
+
 @pytest.mark.parametrize("name", MATERIALS)
 def test_direct_light_on_a_measured_sphere(
     figures: Figures, assets: Path, tmp_path: Path, name: str
