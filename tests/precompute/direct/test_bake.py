@@ -90,15 +90,17 @@ def every_lamp(side: int = 20) -> Scene:
 
 def test_every_kind_of_lamp(tmp_path: Path) -> None:
     """Edited to another exponent, against Mitsuba's direct light with the true material: within
-    3 % of it beyond the truth's noise."""
+    3 % of it beyond the truth's noise. A sharper highlight would be two pixels here, as noisy in
+    the truth as the limit: those are for larger pictures (`make verify`)."""
     scene = every_lamp()
     bundle = burnish.bake(scene, tmp_path / "lamps.burnish", mode="direct", triangles=400, spp=64)
     session = burnish.edit(bundle)
-    session.set("ball.specular.exponent", 200.0)
-    truth = PathTracedTruth(scene, bounces=1).estimate(session.state, spp=2048, seed=3)
+    session.set("ball.specular.exponent", 20.0)
+    truth = PathTracedTruth(scene, bounces=1).estimate(session.state, spp=4096, seed=3)
     halves = tuple(a - b for a, b in zip(truth.halves, truth.emission_halves, strict=True))
     seen = next(iter(session.views.values())).emission
     found = metrics(session.frame() - seen, halves)  # type: ignore[arg-type]
+    assert found["noise"] < 0.03
     assert found["rel_rmse_beyond_noise"] < 0.03
 
 

@@ -13,10 +13,10 @@ from burnish.core.types import Float64
 from burnish.materials.layer import Layer, LayerState, Material, MaterialState
 from burnish.materials.maths import Maths, Vector, numpy_maths
 from burnish.materials.model import Fixed, Model, Values
-from burnish.precompute.bake import plan_views
 from burnish.precompute.direct.gather import Mirror, ObjectLight
 from burnish.precompute.direct.lights import Lights, LightTables
 from burnish.precompute.direct.subdivision import corners, solid_angles
+from burnish.precompute.symbolic import SymbolicMaterials
 from burnish.precompute.tracer import CELL, Tracer
 from burnish.transport.basis import Basis, EditableObject
 from tests.reference.worlds import SKY, camera, plane, world
@@ -70,7 +70,7 @@ class Plane:
             resolution=(4, 4),
         )
         basis = Basis((EditableObject("floor", material),), (bins,))
-        self.tracer: Tracer = plan_views(scene, basis, 0)[0].tracer
+        self.tracer = Tracer(scene, scene.view(), SymbolicMaterials(scene, basis))
         self.bins = bins
 
     def shares(self, triangle: Float64, wo: Float64, smallest: float) -> Float64:

@@ -129,20 +129,20 @@ def _gather(
                 mi.UInt32(layout.offsets[where.found[here]].astype(np.uint32)),
                 mi.Point3f(np.ascontiguousarray(where.origin[ray].T)),
                 mi.Vector3f(np.ascontiguousarray(where.direction[ray].T)),
-                _mirror(direct, where, here, k),
+                _mirror(where, here, k),
                 k,
                 seed,
             )
 
 
-def _mirror(direct: DirectPlan, where: RowPoints, here: Int64, k: int) -> Mirror:
+def _mirror(where: RowPoints, here: Int64, k: int) -> Mirror:
     """Which lights the rows `here` of `where` gather at their k-th points, and how finely."""
     spread = where.spread[here]
     return Mirror(
         mi.Vector3f(np.ascontiguousarray(where.mirror[here].T)),
         mi.Float(np.cos(where.near[here]).astype(np.float32)),
         mi.Float((1 / where.count[here]).astype(np.float32)),
-        mi.Float(np.full(len(here), 1 / direct.points if k < direct.points else 0, np.float32)),
+        mi.Float(np.where(k < where.far[here], 1 / where.far[here], 0).astype(np.float32)),
         mi.Float(np.maximum((FINENESS * spread) ** 2, SMALLEST).astype(np.float32)),
     )
 

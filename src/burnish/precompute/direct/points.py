@@ -28,10 +28,10 @@ MOST_POINTS = 64
 
 LANES = 1 << 20
 
-CURVED = ((0.006, 4), (0.03, 16))
+CURVED = ((0.006, 4, 1), (0.03, 16, 4))
 """Standard deviation of a row's normals in radians, and how many times as many points it gets
-from there on where its object is glossy; no more than MOST_POINTS in all. Only the lights around
-its mirror direction are gathered at all of them."""
+from there on where its object is glossy: for the lights around its mirror direction, no more
+than MOST_POINTS in all, and for the others."""
 
 NEAR = 0.35
 """Radians around the mirror direction of a curved row in which all its points gather light, and
@@ -52,8 +52,8 @@ class RowPoints:
     points is multiplied by for each layer slot: the part of the pixel's filter that the object
     covers, times the mean of the layer's weight map over it. mirror: float32 [n, 3], where the
     mean normal mirrors the eye to; near: float64 [n], radians around it in which all points of
-    a row gather light, and the first few alone elsewhere; spread: float64 [n], standard
-    deviation of the normals in radians.
+    a row gather light, and the first `far`, int64 [n], alone elsewhere; spread: float64 [n],
+    standard deviation of the normals in radians.
     """
 
     found: Int32
@@ -64,6 +64,7 @@ class RowPoints:
     share: Float64
     mirror: Float32
     near: Float64
+    far: Int64
     spread: Float64
 
 
@@ -115,7 +116,7 @@ def find_points(
     length = np.linalg.norm(normal, axis=1)
     spread = np.sqrt(np.maximum(1 - length * length, 0))
     wanted = np.zeros(len(rows), np.int64)
-    wanted[found], near = _wanted(tracer, rows.object[found], spread, points)
+    wanted[found], far, near = _wanted(tracer, rows.object[found], spread, points)
     chosen = _choose(met, counts, wanted, found)
     direction = np.concatenate(directions).astype(np.float32)
     eye = -direction[chosen[:, 0]]
@@ -129,19 +130,25 @@ def find_points(
         np.array(sums).astype(np.float64).reshape(-1, slots, 3)[: len(rows)] / SAMPLES,
         (2 * (eye * normal).sum(axis=1, keepdims=True) * normal - eye).astype(np.float32),
         near,
+        far,
         spread,
     )
 
 
-def _wanted(tracer: Tracer, objects: Int32, spread: Float64, points: int) -> tuple[Int64, Float64]:
-    """How many points rows get, int64 [n], and in which angle round the mirror direction."""
+def _wanted(
+    tracer: Tracer, objects: Int32, spread: Float64, points: int
+) -> tuple[Int64, Int64, Float64]:
+    """How many points rows get, int64 [n], how many of them for lights elsewhere than within
+    an angle round the mirror direction, and this angle."""
     glossy = np.array([_is_glossy(item.material.layers) for item in tracer.basis.objects])[objects]
     factor = np.where(glossy, 1, MATTE)
-    for least, more in CURVED:
+    elsewhere = np.ones(len(objects), np.int64)
+    for least, more, far in CURVED:
         factor[(spread > least) & glossy] = more
+        elsewhere[(spread > least) & glossy] = far
     curved = glossy & (factor > 1)
     near = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
-    return np.minimum(points * factor, MOST_POINTS), near
+    return np.minimum(points * factor, MOST_POINTS), points * elsewhere, near
 
 
 def _is_glossy(layers: Sequence[Layer]) -> bool:
