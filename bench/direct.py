@@ -84,12 +84,12 @@ def seconds_of_a_frame(path: Path) -> float:
     import burnish
 
     with burnish.edit(path) as session:
+        # A linked parameter is in no state
         item, layer = next(
-            (item.id, layer.name)
-            for item in session.objects
-            if item.editable
-            for layer in item.layers
-            if any(parameter.name == "roughness" for parameter in layer.parameters)
+            (name, layer)
+            for name, state in session.materials.items()
+            for layer, own in getattr(state, "layers", {}).items()
+            if "roughness" in own.values
         )
         session.select(item)
         times = []
