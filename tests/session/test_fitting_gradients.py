@@ -95,7 +95,7 @@ def inside(model: PictureModel) -> Float64:
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_every_parameter_of_every_model(name: str) -> None:
     model, tiles = model_of(object_of(name))
-    continuous = [p for p in MODELS[name].parameters if p.kind != "choice"]
+    continuous = [p for p in MODELS[name]().parameters if p.kind != "choice"]
     assert len(model.unknowns) == 1 + len(continuous)
     # A coat's transmittance is a quadrature with breaks of its own: differences of one width
     width = 1e-3 if name == "plastic-base" else 2e-3

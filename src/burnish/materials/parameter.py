@@ -64,7 +64,7 @@ class Parameter:
             if self.kind in _TRIPLES:
                 grey = self.kind == "colour" and isinstance(value, (int, float))
                 items = (value,) * 3 if grey else tuple(value)  # type: ignore[arg-type]
-                numbers = tuple(float(item) for item in items)
+                numbers = tuple(float(item) for item in items)  # type: ignore[arg-type]
             else:
                 numbers = (float(value),)  # type: ignore[arg-type]
         except (TypeError, ValueError):

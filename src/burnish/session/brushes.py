@@ -101,7 +101,7 @@ def brushes(material: Material, state: MaterialState) -> dict[BrushName, Brush]:
                 name,
                 name.capitalize(),
                 tuple(item.name for item in material.layers if _width(material, item)),
-                "no parameter that makes its highlight wider or narrower"
+                "no parameter that makes its highlight wider or narrower all round"
                 if shiny
                 else "no specular layer",
                 amount=0.25,
@@ -190,12 +190,15 @@ def _coloured(material: Material, glossy: bool) -> tuple[str, ...]:
 
 
 def _width(material: Material, layer: Layer) -> tuple[Parameter, float] | None:
-    """The parameter that widens a layer's highlight, and the sign with which it does."""
+    """The parameter that widens a layer's highlight all round, and the sign with which it does."""
     if not _is_glossy(layer):
         return None
     for item in material.parameters(layer.name):
+        one_way = item.name == "ratio" or item.name.endswith(("_u", "_v"))
+        if layer.model.anisotropic and one_way:
+            continue
         sign = _widening(layer.model, tuple(sorted(layer.fixed.items())), item)
-        if sign and not (layer.model.anisotropic and item.name == "ratio"):
+        if sign:
             return item, sign
     return None
 
