@@ -256,10 +256,15 @@ def column_weights(layer: Layer) -> Float64:
     """How much a layer's columns count against each other: float64 [columns].
 
     A lobe that lies in one bin has coefficients of one over the bin's energy e, a broad one has
-    like ones in all: the weight between is e to the power of −½.
+    like ones in all: the weight between is e to the power of −½. Principal components count by
+    how large their coefficients are.
     """
-    _, weight, directional = energies(layer)
-    energy = np.abs(np.einsum("o,okj->kj", weight, directional))
-    peak = float(energy.max()) or 1.0
-    scale = 1 / np.sqrt(np.maximum(energy / peak, 1e-4)).ravel()
+    sizes = layer.model.amplitude_sizes()
+    if sizes is None:
+        _, weight, directional = energies(layer)
+        energy = np.abs(np.einsum("o,okj->kj", weight, directional))
+        peak = float(energy.max()) or 1.0
+        scale = 1 / np.sqrt(np.maximum(energy / peak, 1e-4)).ravel()
+    else:
+        scale = np.maximum(sizes / sizes.max(), 1e-2)
     return np.concatenate([scale, np.ones(int(layer.delta))])
