@@ -201,15 +201,22 @@ def test_a_row_is_the_mean_of_its_points_coefficients_not_of_their_values() -> N
     np.testing.assert_allclose(found.mean.albedos[0], mean + before, rtol=1e-3)
 
 
-def test_a_picture_of_one_colour_is_that_colour() -> None:
+@pytest.mark.parametrize("layer", ["diffuse", "specular"])
+def test_a_picture_of_one_colour_is_that_colour(layer: str) -> None:
     material = glossy()
+    white = replace(
+        material.initial.layers[layer],
+        values={**material.initial.layers[layer].values, "color": (1.0, 1.0, 1.0)},
+    )
+    initial = replace(material.initial, layers={**material.initial.layers, layer: white})
     colour = (0.2, 0.4, 0.9)
     image = ImageMap(Texels(np.full((2, 2, 3), colour, np.float32)))
-    state = replace(material.initial, images={("diffuse", "color"): image})
+    state = replace(initial, images={(layer, "color"): image})
     found = varied(material, state, RNG.random((3, 4, 2)).astype(np.float32))
-    wanted = uniform(material, state, "diffuse", color=colour)
+    wanted = uniform(material, state, layer, color=colour)
+    number = ("diffuse", "specular").index(layer)
     for row in range(3):
-        np.testing.assert_allclose(row_coefficients(found, 0, row), wanted, rtol=1e-6)
+        np.testing.assert_allclose(row_coefficients(found, number, row), wanted, rtol=1e-6)
 
 
 def test_scale_offset_and_limits() -> None:

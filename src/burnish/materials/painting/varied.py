@@ -551,7 +551,7 @@ def _shared_out(
     """The nodes that the points of the rows have, and each row's mean shares of all of them.
 
     importance: what each point counts, float32 [r, points]; alike without it.
-    Gives keys [q], places int32 [r, q, 1] and shares float32 [r, q, 1 or 3].
+    Gives keys [q], places int32 and shares float32, both [r, q, 1 or 3].
     Raises TooLarge.
     """
     size = int(np.prod([axis.size for axis in axes]))
@@ -585,7 +585,8 @@ def _shared_out(
     for number, (own, part) in enumerate(parts):
         start = number * _CHUNK
         shares[start : start + len(part), np.searchsorted(keys, own)] = part
-    places = np.broadcast_to(np.arange(len(keys), dtype=np.int32)[:, None], (count, len(keys), 1))
+    order = np.arange(len(keys), dtype=np.int32)[:, None]
+    places = np.broadcast_to(order, (count, len(keys), channels))
     return keys, places, shares
 
 
@@ -614,7 +615,7 @@ def _node(axes: list[_Axis], key: int) -> Node:
         if axis.channel is not None:
             mixed.setdefault(axis.place, {})[axis.channel] = number
         else:
-            wide = axis.values.shape[1] == 3
+            wide = axis.values.shape[2] == 3
             values[axis.place] = (number,) * 3 if wide else number
     for place, channels in mixed.items():
         values[place] = (channels[0], channels[1], channels[2])
