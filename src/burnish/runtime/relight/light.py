@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Float64
-from burnish.materials.coefficients import albedo, conserved
-from burnish.materials.layer import Material, MaterialState
+from burnish.materials.coefficients import albedo, coarse_energies, conserved
+from burnish.materials.layer import Layer, Material, MaterialState
+from burnish.materials.painting.varied import Mixture
 from burnish.runtime.relight.rows import apply
 from burnish.transport.basis import Basis, State
 from burnish.transport.gather import GatherData, GatherSamples
@@ -59,22 +60,28 @@ def cell_light(
         total += light
     if emission.any():
         # What is shown along glossy layers is no part of what they scatter
-        matte = np.divide(
-            _matte_albedos(basis, state), albedos, out=np.ones_like(albedos), where=albedos > 0
-        )
-        glossy = _Reflection(samples, albedos, open_variables, monomials, 1 - matte)
+        share = 1 - matte_shares(basis, state)
+        glossy = _Reflection(samples, albedos, open_variables, monomials, share)
         total -= glossy.direct(shown, np.zeros(shape, np.float32))
         seen = samples.through >= 0
         total[0][seen] += emission[seen] * _glossier(basis, state)[samples.through[seen]]
     return CellLight(monomials, total)
 
 
-def _matte_albedos(basis: Basis, state: State) -> Float64:
-    """The part of each variable's albedo that is of layers without a highlight: [variables, 3]."""
-    result = np.zeros((len(basis.variables), 3))
+def matte_shares(basis: Basis, state: State) -> Float64:
+    """The share of each variable's albedo that is of layers without a highlight, 1 where the
+    albedo is none: [variables, 3]."""
+    result = np.ones((len(basis.variables), 3))
     for v, (i, group) in enumerate(basis.variables):
         item = basis.objects[i]
-        result[v] = _albedo_of(item.material, state[item.id], glossy=False, group=group)
+        own = layer_albedos(item.material, state[item.id])
+        layers = list(zip(item.material.layers, own, strict=True))
+        total = sum((d for layer, d in layers if layer.group == group), np.zeros(3))
+        matte = sum(
+            (d for layer, d in layers if layer.group == group and not _is_glossy(layer)),
+            np.zeros(3),
+        )
+        np.divide(matte, total, out=result[v], where=total > 0)
     return result
 
 
@@ -82,8 +89,9 @@ def _glossier(basis: Basis, state: State) -> Float64:
     """How much more than in the scene each object's highlights reflect: [objects, 3]."""
     result = np.zeros((len(basis.objects), 3))
     for i, item in enumerate(basis.objects):
+        glossy = [_is_glossy(layer) for layer in item.material.layers]
         now, then = (
-            _albedo_of(item.material, of, glossy=True)
+            layer_albedos(item.material, of)[glossy].sum(axis=0)
             for of in (state[item.id], item.material.initial)
         )
         # What is traced is of all channels together
@@ -91,16 +99,21 @@ def _glossier(basis: Basis, state: State) -> Float64:
     return result
 
 
-def _albedo_of(
-    material: Material, state: MaterialState, *, glossy: bool, group: str | None = None
-) -> Float64:
+def layer_albedos(material: Material, state: MaterialState) -> Float64:
+    """Equivalent albedo d of each layer, whose sums are the basis's: float64 [layers, 3].
+
+    Of a material that varies it is the mean over the surface, by one coarse bin's coefficient
+    and energy (`coarse_coefficients`).
+    """
+    if isinstance(state, Mixture):
+        energy = np.concatenate([coarse_energies(layer, 1) for layer in material.layers])
+        return np.asarray(state.coarse(1) * (energy / np.pi)[:, None])
     settled = conserved(material, state)
-    own = [
-        albedo(layer, settled.layers[layer.name])
-        for layer in material.layers
-        if (layer.model.lobe == "half") == glossy and group in (None, layer.group)
-    ]
-    return np.asarray(sum(own, np.zeros(3)))
+    return np.stack([albedo(layer, settled.layers[layer.name]) for layer in material.layers])
+
+
+def _is_glossy(layer: Layer) -> bool:
+    return layer.model.lobe == "half"
 
 
 class _Reflection:
