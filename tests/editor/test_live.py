@@ -102,7 +102,15 @@ def click_picture(page: Any, x: int, y: int) -> None:
     scale = np.floor(min(box["width"], box["height"]) / SIDE)
     left = box["x"] + round((box["width"] - SIDE * scale) / 2)
     top = box["y"] + round((box["height"] - SIDE * scale) / 2)
-    page.mouse.click(left + (x + 0.5) * scale, top + (y + 0.5) * scale)
+    at = left + (x + 0.5) * scale, top + (y + 0.5) * scale
+    # The objects under the pixels come after the first picture
+    end = time.monotonic() + SECONDS
+    while not page.locator(".object.hovered").count():
+        assert time.monotonic() < end, "the page knows no object there"
+        page.mouse.move(2, 2)
+        page.mouse.move(*at)
+        page.wait_for_timeout(100)
+    page.mouse.click(*at)
 
 
 def drag(page: Any, x: float, y: float, dx: float, dy: float) -> None:
