@@ -17,11 +17,13 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
+from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from burnish.app.messages import MAXIMUM_MESSAGE_BYTES, VERSION
 from burnish.app.server import EditorServer, application, default_autosave, is_loopback
+from burnish.app.server.autosave import Autosave
 from burnish.app.server.frames import Frame, Kind
 from burnish.app.server.mailbox import Mailbox
 from burnish.core.errors import DeviceError, InvalidValue
@@ -500,6 +502,42 @@ def test_edits_survive_a_crash(session: Session, tmp_path: Path) -> None:
         page.send("Recover", accept=True)
         page.message("State", revision=1)
     assert fresh.get(EXPONENT) == 9.0
+
+
+def test_edits_that_cannot_be_taken_up_are_kept_and_stay_on_offer(tmp_path: Path) -> None:
+    place, gone = tmp_path / "autosave.json", tmp_path / "grey.png"
+    Image.fromarray(np.full((2, 2), 188, np.uint8)).save(gone)
+    session = worlds.session()
+    autosave = Autosave(session, place)
+    session.set_map("floor.diffuse.color", gone)
+    autosave.write(changed=True)
+    moved = gone.rename(tmp_path / "moved.png")
+    left, fresh = place.read_text("utf-8"), worlds.session()
+    autosave = Autosave(fresh, place)
+    with pytest.raises(InvalidValue, match=r"grey\.png.* kept in .*autosave-\w+\.json"):
+        autosave.recover(accept=True)
+    fresh.set(EXPONENT, 9.0)
+    autosave.write(changed=True)
+    (kept,) = tmp_path.glob("autosave-*.json")
+    assert kept.read_text("utf-8") == autosave.left_behind == left
+    moved.rename(gone)
+    autosave.recover(accept=True)
+    assert fresh.map_of("floor.diffuse.color") is not None
+    assert autosave.left_behind is None
+    assert not kept.exists()
+
+
+def test_an_offer_outlives_autosaves_until_it_is_refused(tmp_path: Path) -> None:
+    place = tmp_path / "autosave.json"
+    place.write_text("{}", "utf-8")
+    session = worlds.session()
+    autosave = Autosave(session, place)
+    session.set(EXPONENT, 9.0)
+    autosave.write(changed=True)
+    (kept,) = tmp_path.glob("autosave-*.json")
+    assert kept.read_text("utf-8") == "{}"
+    autosave.recover(accept=False)
+    assert list(tmp_path.glob("autosave*")) == [place]
 
 
 def test_sessions_of_different_names_do_not_share_an_autosave() -> None:
