@@ -59,3 +59,22 @@ def test_a_picture_is_put_on_laid_and_taken_off(server: EditorServer, tmp_path: 
         assert session.get(PATH) == own
         wrong = page.send("SetMap", path=PATH, file=str(tmp_path / "nowhere.png"), map=PLAIN)
         assert "nowhere.png" in page.message("Refused", seq=wrong)["text"]
+
+
+def test_a_page_that_leaves_a_sheared_map_where_it_lies_keeps_the_shear(
+    server: EditorServer, tmp_path: Path
+) -> None:
+    picture = tmp_path / "grey.png"
+    Image.fromarray(np.full((2, 2, 3), 188, np.uint8)).save(picture)
+    session: Session = server.engine.session
+    sheared = (1.7, 0.3, 0.1, 0.4, 0.9, -0.2)
+    session.set_map(PATH, picture, transform=sheared)
+    with Page(server) as page:
+        state = page.message("State", revision=1)
+        shown = state["materials"]["floor"]["layers"]["diffuse"]["maps"]["color"]
+        page.send("SetMap", path=PATH, file=None, map={**shown, "scale": 0.5})
+        page.message("State", revision=2)
+    image = session.map_of(PATH)
+    assert image is not None
+    assert image.scale == 0.5
+    assert image.transform == sheared

@@ -140,12 +140,15 @@ class Actions:
         if file is not None:
             self._session.set_map(path, file, channel=wanted.channel)
             return
+        image = self._session.map_of(path)
+        lies = None if image is None else describe.map_data(image)
         self._session.set_map(
             path,
             scale=wanted.scale,
             offset=wanted.offset,
-            repeat=wanted.repeat,
-            rotate=wanted.rotate,
+            # A page knows no shear: what it leaves as it was keeps what it has
+            repeat=None if lies and wanted.repeat == lies.repeat else wanted.repeat,
+            rotate=None if lies and wanted.rotate == lies.rotate else wanted.rotate,
         )
 
     def _set_model(self, path: str, model: str) -> None:
