@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from burnish.core.errors import UnknownName
 from burnish.materials.coefficients import albedo, coefficients, conserved
 from burnish.materials.curve import Curve
 from burnish.materials.fresnel import METALS, complex_reflectance, ior_of, normal_reflectance
+from burnish.materials.images import ImageMap, Texels
 from burnish.materials.layer import Layer, LayerState, Link, Material, MaterialState
 from burnish.materials.maths import numpy_maths
 from burnish.materials.models.blinn_phong import BlinnPhong
@@ -126,6 +128,35 @@ def test_a_curve_stays_where_its_coordinate_does() -> None:
     half = replaced(material, state, "specular", "cook-torrance", BINS)
     assert half.layers["specular"].curve == curve
     assert replaced(material, state, "specular", "phong", BINS).layers["specular"].curve is None
+
+
+def test_pictures_of_colours_carry_over_and_those_of_numbers_do_not() -> None:
+    wood = ImageMap(Texels(np.full((1, 2, 3), 0.4, np.float32)))
+    own = ImageMap(Texels(np.full((1, 2, 1), 30.0, np.float32)))
+    rough = ImageMap(Texels(np.full((1, 2, 1), 0.3, np.float32)))
+    place = "specular", "exponent"
+    glossy_one = glossy()
+    initial = replace(glossy_one.initial, images={place: own, ("diffuse", "color"): wood})
+    material = replace(glossy_one, initial=initial)
+
+    state = replace(initial, images={**initial.images, ("specular", "color"): wood})
+    state = replaced(material, state, "specular", "cook-torrance", BINS)
+    assert state.images == {("diffuse", "color"): wood, ("specular", "color"): wood}
+    assert material.as_in(state).initial.images == {("diffuse", "color"): wood}
+    # A roughness is α for the one, and its square for the other
+    state = replace(state, images={**state.images, ("specular", "roughness"): rough})
+    state = replaced(material, state, "specular", "schlick", BINS)
+    assert ("specular", "roughness") not in state.images
+    back = replaced(material, state, "specular", "blinn-phong", BINS)
+    assert back.images == initial.images
+
+
+def test_a_picture_that_only_the_new_model_has_a_place_for_makes_it_vary() -> None:
+    material = glossy()
+    state = replaced(material, material.initial, "specular", "cook-torrance", BINS)
+    assert not material.varies(state)
+    rough = ImageMap(Texels(np.full((1, 2, 1), 0.3, np.float32)))
+    assert material.varies(replace(state, images={("specular", "roughness"): rough}))
 
 
 def test_unknown_models_are_refused() -> None:

@@ -104,12 +104,13 @@ def test_names_that_are_not_there_are_said() -> None:
         scene_with(COPPER, models={"ball.specular": "cook-torrance-curve"})
 
 
-def test_a_picture_that_a_model_has_no_place_for_is_refused() -> None:
+@pytest.mark.parametrize("model", ["ashikhmin-shirley-curves", "schlick"])
+def test_a_picture_that_does_not_carry_over_is_refused(model: str) -> None:
     pattern = {"type": "checkerboard", "color0": 0.1, "color1": 0.4}
     bsdf = {"type": "roughconductor", "alpha": pattern, "material": "Cu"}
     assert material_of(scene_with(bsdf)).initial.images
     with pytest.raises(InvalidValue, match="has a picture for roughness"):
-        scene_with(bsdf, models={"ball.specular": "ashikhmin-shirley-curves"})
+        scene_with(bsdf, models={"ball.specular": model})
 
 
 def test_a_coat_over_two_curves_keeps_its_index() -> None:

@@ -240,7 +240,10 @@ class Material:
         return replace(state, layers=layers)
 
     def as_in(self, state: MaterialState) -> Material:
-        """The material with the layers that a state has put in the place of its own."""
+        """The material with the layers that a state has put in the place of its own.
+
+        Pictures of those layers' numbers, which another model may mean otherwise, are gone.
+        """
         found = state.replacements
         if not found:
             return self
@@ -255,7 +258,12 @@ class Material:
         }
         links = tuple(link for link in self.links if link.layer not in found)
         initial = {**self.initial.layers, **started}
-        return Material(layers, replace(self.initial, layers=initial), links)
+        images = {
+            place: image
+            for place, image in self.initial.images.items()
+            if place[0] not in found or self._kind(place) == "colour"
+        }
+        return Material(layers, replace(self.initial, layers=initial, images=images), links)
 
     def inherent(self, place: Place) -> ImageMap | None:
         """The picture of a colour that is part of its group's weight map, or None."""
@@ -274,12 +282,13 @@ class Material:
         """Whether a state differs from row to row, weight maps apart."""
         if state.strokes:
             return True
+        now = self.as_in(state)
         inherent = {
             place: found
-            for place in self.initial.images
-            if (found := self.inherent(place)) is not None
+            for place in now.initial.images
+            if (found := now.inherent(place)) is not None
         }
-        shown = {place: image for place, image in state.images.items() if self._kind(place)}
+        shown = {place: image for place, image in state.images.items() if now._kind(place)}
         return shown != inherent
 
     def layer(self, name: str) -> Layer:

@@ -79,7 +79,9 @@ def replaced(
     """The state with another model in a layer's place.
 
     material: as the scene has it; its own model's name brings the layer back as it was, with
-    its own numbers. bins: of the new layer. Raises UnknownName.
+    its own numbers and pictures. Else pictures of colours carry over; a number that has one
+    becomes plain, since models mean different things by the same name. bins: of the new layer.
+    Raises UnknownName.
     """
     own, old = material.layer(layer_name), state.layers[layer_name]
     now = material.as_in(state)
@@ -89,6 +91,11 @@ def replaced(
     if model == own.model.name:
         first = material.initial.layers[layer_name]
         changed = replace(first, enabled=old.enabled, weight=old.weight)
+        images = {
+            place: image
+            for place, image in material.initial.images.items()
+            if place[0] == layer_name
+        }
     else:
         kinds = choices()
         if model not in kinds:
@@ -114,7 +121,16 @@ def replaced(
             second_curve=old.second_curve if had_second == has_second else None,
             replacement=Replacement(layer, started, kept),
         )
-    return replace(state, layers={**state.layers, layer_name: changed})
+        every_parameter = (*before.model.parameters, *kind.parameters)
+        numbers = {item.name for item in every_parameter if item.kind != "colour"}
+        images = {
+            place: image
+            for place, image in state.images.items()
+            if place[0] == layer_name and place[1] not in numbers
+        }
+    others = {place: image for place, image in state.images.items() if place[0] != layer_name}
+    layers = {**state.layers, layer_name: changed}
+    return replace(state, layers=layers, images=others | images)
 
 
 def carried(before: Model, values: Mapping[str, Value], after: Model) -> dict[str, Value]:

@@ -24,8 +24,8 @@ def remodelled(scene: Scene, models: Mapping[str, str]) -> Scene:
 
     What can carries over; weight maps, masks and bent normals stay. No Mitsuba plugin holds the
     objects any more, so the path tracer evaluates burnish's own. The scene's hash changes with
-    the models. Raises UnknownName, and InvalidValue for pictures that the model has no place
-    for.
+    the models. Raises UnknownName, and InvalidValue for pictures that do not carry over: of
+    numbers, and of colours that the model lacks.
     """
     materials = {item.id: item.material for item in scene.objects if item.material is not None}
     objects, digest = list(scene.objects), hashlib.sha256(scene.hash.encode())
@@ -49,10 +49,11 @@ def with_model(material: Material, layer: str, model: str) -> Material:
     now = new.layer(layer)
     known = {item.name for item in now.parameters}
     for name, parameter in material.initial.images:
-        if name == layer and parameter not in known:
+        carries_over = parameter in known and (name, parameter) in new.initial.images
+        if name == layer and not carries_over:
             raise InvalidValue(
-                f"layer {layer} has a picture for {parameter}, which {model} lacks; choose another "
-                "model, or give the layer a plain value"
+                f"layer {layer} has a picture for {parameter}, which does not carry over to "
+                f"{model}; choose another model, or give the layer a plain value"
             )
     layers = {name: replace(item, replacement=None) for name, item in new.initial.layers.items()}
     links = []

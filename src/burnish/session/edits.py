@@ -59,7 +59,7 @@ def edits_to_text(
     objects = {}
     for object_id, material in materials.items():
         now = state[object_id]
-        entry = _object_entry(now, material.as_in(now).initial)
+        entry = _object_entry(now, material.as_in(now))
         if entry:
             objects[object_id] = entry
     painted = any(state[object_id].strokes for object_id in materials)
@@ -141,11 +141,13 @@ def _layers_of(entry: Json) -> list[Json]:
     return [item for item in entry.values() if isinstance(item, dict)]
 
 
-def _object_entry(state: MaterialState, initial: MaterialState) -> Json:
+def _object_entry(state: MaterialState, material: Material) -> Json:
+    """material: as in the state."""
     entry: Json = {}
+    initial = material.initial
     for name, layer in state.layers.items():
         changed = _layer_entry(layer, initial.layers[name])
-        maps = map_entries(name, state.images, initial.images)
+        maps = map_entries(material, name, state.images)
         if maps:
             changed["maps"] = maps
         if layer.replacement is not None:
@@ -213,6 +215,8 @@ def _edited(material: Material, entry: Mapping[str, Any], where: str) -> Materia
             layers[name] = _with_model(material, name, given.pop("model"), f"{field}.model")
         maps = _mapping(given.pop("maps", {}), f"{field}.maps")
         now = material.as_in(MaterialState(layers))
+        own = now.initial.images
+        images = {place: images[place] for place in images if place[0] != name or place in own}
         layers[name] = _edited_layer(now, name, layers[name], given, field)
         state = MaterialState(layers, images=images)
         values = given.get("parameters", {}).keys() - maps.keys()

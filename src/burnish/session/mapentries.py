@@ -25,11 +25,17 @@ Json = dict[str, Any]
 _FIELDS = ("file", "channel", "scale", "offset", "transform", "wrap")
 
 
-def map_entries(layer: str, now: Images, initial: Images) -> Json:
-    """The "maps" of a layer: those that are not as the scene has them."""
+def map_entries(material: Material, layer: str, now: Images) -> Json:
+    """The "maps" of a layer: those that are not as the scene has them.
+
+    material: as in the state. A state may hold colours for which its model has no parameter.
+    """
     entries: Json = {}
+    initial, known = material.initial.images, {item.name for item in material.parameters(layer)}
     for place in {**initial, **now}:
-        if place[0] == layer and now.get(place) != initial.get(place):
+        if place[0] != layer or place[1] not in known:
+            continue
+        if now.get(place) != initial.get(place):
             image = now.get(place)
             entries[place[1]] = None if image is None else _entry(image, initial.get(place))
     return entries
