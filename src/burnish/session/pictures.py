@@ -65,15 +65,19 @@ class ViewPictures:
         self._varied: dict[int, VariedObject] = {}
         self._map: tuple[int, Int32] | None = None
 
+    @property
+    def _traced(self) -> bool:
+        """Whether the view is traced while it is looked at, as a live session's are."""
+        return bool(getattr(self.transport, "traces_the_scene", False))
+
     def _fine(self, targets: tuple[int, ...], state: State) -> tuple[int, ...]:
         """Objects beside the targets whose rows differ, weight maps apart."""
-        traced = getattr(self.transport, "traces_the_scene", False)
         return tuple(
             i
             for i, item in enumerate(self.transport.basis.objects)
             if i not in targets
             and item.material.varies(state[item.id])
-            and not (traced and state[item.id] == item.material.initial)
+            and not (self._traced and state[item.id] == item.material.initial)
         )
 
     def _freeze(self, targets: tuple[int, ...], state: State) -> _Frozen:
@@ -85,7 +89,8 @@ class ViewPictures:
             # Let go of the old form first: two of them may not fit
             self._frozen = self._painted = self._drafts = before = None
             plain = unpainted(state)
-            for i in fine:
+            # A tracer keeps what varies symbolic, and so needs no means
+            for i in () if self._traced else fine:
                 item = self.transport.basis.objects[i]
                 found = self._varied_object(i, item.material, state[item.id])
                 if found is not None:
@@ -196,9 +201,12 @@ class ViewPictures:
         return bool(ready(every, unpainted(state)))
 
     def _only_lights_change(self, targets: tuple[int, ...], state: State) -> bool:
-        """Whether the mix of the lights is what is being edited: then it alone is symbolic."""
+        """Whether the mix of the lights is what is being edited: then it alone is symbolic.
+
+        Never where it is always symbolic, as in what is traced.
+        """
         basis, frozen, shown = self.transport.basis, self._frozen, self._shown
-        if not basis.lights or frozen is None or shown is None:
+        if self._traced or not basis.lights or frozen is None or shown is None:
             return False
         if frozen.targets == targets and len(frozen.frozen.powers.lights):
             return False
