@@ -7,13 +7,15 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 import burnish
 from burnish.app.live import LiveStudio, LiveView
-from burnish.core.errors import BurnishError
+from burnish.core.errors import BurnishError, SceneError
+from burnish.materials.layer import MaterialState
 from burnish.session import Session
 
 WAIT_SECONDS = 120.0
@@ -93,6 +95,18 @@ def test_the_denoiser_takes_noise_and_keeps_the_light(live: Session) -> None:
     assert rough[1] < rough[0]
     lit = view_of(live).emission.max(axis=2) == 0
     assert clean[lit].mean() == pytest.approx(noisy[lit].mean(), rel=0.05)
+
+
+def test_what_cannot_be_sent_fails_and_the_next_is_sent(live: Session) -> None:
+    studio = studio_of(live)
+    local = cast(MaterialState, lambda: None)
+    with pytest.raises(SceneError, match="cannot be told"):
+        studio.render({"back": local}, view_of(live).name, spp=1)
+    live.select("back")
+    with pytest.raises(SceneError, match="cannot be told"):
+        view_of(live).freeze((), {**live.state, "left": local})
+    assert np.isfinite(live.frame()).all()
+    assert np.isfinite(live.path_trace(spp=2)).all()
 
 
 def test_another_object_and_none(live: Session) -> None:

@@ -168,6 +168,8 @@ class LiveStudio:
             except OSError:  # the listener sees it too, and starts another worker
                 self._give_up_jobs("the tracing process ended; try again")
                 return
+            except Exception as error:  # noqa: BLE001 - what cannot be pickled raises anything
+                self._refuse(message, f"the tracing process cannot be told of it: {error}")
 
     def _receive(self, message: object) -> None:
         current = self._request.serial if self._request else 0
@@ -225,6 +227,16 @@ class LiveStudio:
             for job, done in self._jobs.items():
                 if done is None:
                     self._jobs[job] = w.Pictured(job, None, why)
+            self._changed.notify_all()
+
+    def _refuse(self, message: object, why: str) -> None:
+        """Tell who waits for a message's answer that none will come: nothing of it was sent."""
+        with self._changed:
+            job: Any = getattr(message, "job", None)
+            if self._jobs.get(job, ...) is None:
+                self._jobs[job] = w.Pictured(job, None, why)
+            if isinstance(message, w.Select) and message is self._request:
+                self._failure = w.Failed(why, message.serial)
             self._changed.notify_all()
 
     def close(self) -> None:
