@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from dataclasses import replace
 from functools import partial
@@ -68,6 +69,23 @@ def test_what_rests_is_the_frame_and_what_is_dragged_a_draft(
             if drawn:
                 break
         assert drawn > 0
+
+
+def test_drafts_that_cannot_be_prepared_end_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    basis = Basis((glossy("box", 16), matte("floor")), (16, 1), indirect_bins=2)
+    session = Session({"front": random_world(basis)[0]}, name="drafted")
+    tried = threading.Event()
+
+    def refuse(view: str | None = None) -> None:
+        tried.set()
+        raise MemoryError
+
+    monkeypatch.setattr(session, "prepare_drafts", refuse)
+    with EditorServer(session) as server, Page(server) as page:
+        page.picture()
+        assert tried.wait(60.0)
+        page.send("SetValue", path=PATH, value=500.0)
+        page.message("State", revision=1)
 
 
 def _shows(expected: Float32, revision: int, item: object) -> bool:

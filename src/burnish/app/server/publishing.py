@@ -285,7 +285,11 @@ class Publishing:
             key = self._look_key(), self._session.views[view].revision
             if self._pages.watch(index) and self._prepared.get(view) != key:
                 self._prepared[view] = key
-                self._session.prepare_drafts(view)
+                try:
+                    self._session.prepare_drafts(view)
+                except Exception:
+                    # Pictures do without; what is wrong with the view its picture says
+                    log.exception("view %s has no drafts", view)
 
     def _objects_under_pixels(self, view: str) -> None:
         """The object under each pixel, once per view or when its rows have changed."""
