@@ -103,6 +103,19 @@ def test_sliders_go_along_what_tells_the_materials_apart() -> None:
         assert knobs[words].description.endswith(f"to {high}")
 
 
+def test_limits_hold_what_another_machine_rounds_to() -> None:
+    model = measured_space({name: GIVEN[name] for name in ("gold", "chalk")}).layers[0].model
+    assert isinstance(model, MeasuredSpace)
+    # Two materials have as much of a component each: the first has it positive
+    np.testing.assert_allclose(model.coordinates, [[1.0], [-1.0]], atol=1e-12)
+    knob = next(item for item in model.parameters if item.name == "component_1")
+    assert (knob.minimum, knob.maximum) == (-1.000000001, 1.000000001)
+    for name in ("gold", "chalk"):
+        (place,) = (z for knob, z in model.values_of(name).items() if knob == "component_1")
+        knob.validate(place)
+        knob.validate(place * (1 + 1e-12))
+
+
 def test_a_trait_leads_to_those_that_have_it() -> None:
     model = space()
     start: dict[str, Any] = dict(model.values_of("chalk"))

@@ -23,13 +23,22 @@ class Leading:
     worst: Float64
 
 
+def same_signs(vectors: Float64) -> Float64:
+    """Vectors, the columns of float64 [m, k], turned so that the first of the largest entries of
+    each is positive: either sign is as good, and libraries differ in it."""
+    size = np.abs(vectors)
+    # Entries that are alike but for rounding count as alike
+    first = (size >= (1 - 1e-3) * size.max(axis=0, initial=0.0)).argmax(axis=0)
+    return np.asarray(vectors * np.sign(vectors[first, np.arange(vectors.shape[1])]))
+
+
 def leading(rows: Float64, error: float, most: int) -> Leading:
     """As many components as leave an RMS of at most `error` over the rows, but at most `most`."""
     # The components follow from the rows' inner products
     values, vectors = np.linalg.eigh(rows @ rows.T)
     order = np.argsort(values)[::-1][:most]
     order = order[values[order] > 1e-13 * max(float(values.max()), 1e-300)]
-    mixing = vectors[:, order] / np.sqrt(values[order])
+    mixing = same_signs(vectors[:, order]) / np.sqrt(values[order])
     left = np.sum(rows**2, axis=1)
     shares = (rows @ (rows.T @ mixing)) ** 2
     squares = np.maximum(np.stack([left, *(left - np.cumsum(shares, axis=1).T)]), 0.0)

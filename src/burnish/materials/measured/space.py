@@ -40,11 +40,13 @@ from burnish.materials.measured.register import find, keep, path_of
 from burnish.materials.measured.table import ReflectanceTable, closed
 from burnish.materials.model import Fixed, Model, Values
 from burnish.materials.parameter import Parameter
-from burnish.materials.principal import leading
+from burnish.materials.principal import leading, same_signs
 
 MOST = 21
 """Materials that a space may have: three channels of each are at most 63 components."""
 COLOUR = Parameter("color", 1.0, 0.0, 4.0, 0.0, 2.0, kind="colour", description="as measured: 1")
+BEYOND = 1e-9
+"""How far a component's slider goes beyond the outermost material, before rounding."""
 FLOOR = 1e-3
 """Of a table's mean: what is darker counts as this dark in logarithms."""
 TRAIT_NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -106,8 +108,9 @@ class MeasuredSpace(Model):
             Parameter(
                 f"component_{j + 1}",
                 0.0,
-                float(place[:, j].min()),
-                float(place[:, j].max()),
+                # What one machine's libraries round to stays within the limits of another's
+                round(float(place[:, j].min()) - BEYOND, 9),
+                round(float(place[:, j].max()) + BEYOND, 9),
                 description=self._towards(place[:, j]),
             )
             for j in range(place.shape[1])
@@ -299,9 +302,8 @@ def _coordinates(keys: tuple[str, ...], paths: tuple[str, ...]) -> Float64:
     _, vectors = np.linalg.eigh(rows @ rows.T)
     # The eigenvector left out is the constant one: what is centred has none of it
     basis = np.linalg.qr(np.concatenate([np.ones((n, 1)), vectors[:, :0:-1]], axis=1))[0][:, 1:]
-    # A component's sign is anybody's: the material that has most of it has it positive
-    signs = np.sign(basis[np.abs(basis).argmax(axis=0), np.arange(n - 1)])
-    return np.asarray(basis * signs * math.sqrt(n))
+    # The material that has most of a component has it positive
+    return same_signs(basis) * math.sqrt(n)
 
 
 @lru_cache(maxsize=4)
