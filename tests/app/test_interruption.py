@@ -98,11 +98,17 @@ def test_a_bake_is_not_resumed_with_other_settings(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         burnish.bake(scene, tmp_path / "out.burnish", series=(8, 1), spp=4, progress=stop)
-    for settings in ({"series": (8, 1, 1)}, {"bins": {"floor": 4}}, {"spp": 64}, {"seed": 5}):
+    for settings in (
+        {"series": (8, 1, 1)},
+        {"bins": {"floor": 4}},
+        {"spp": 64},
+        {"seed": 5},
+        {"mode": "direct"},
+    ):
         with pytest.raises(InvalidValue, match="unfinished bake has"):
             burnish.bake(scene, tmp_path / "out.burnish", resume=True, **settings)
     other = burnish.load("cornell-box", resolution=(9, 8))
     with pytest.raises(InvalidValue, match="has changed"):
         burnish.bake(other, tmp_path / "out.burnish", resume=True)
-    bundle = burnish.bake(scene, tmp_path / "out.burnish", resume=True)
+    bundle = burnish.bake(scene, tmp_path / "out.burnish", resume=True, mode="baked")
     assert bundle.basis.series == (8, 1)

@@ -48,6 +48,7 @@ def bake(
     progress: Progress | None = None,
     tolerance: float | None = None,
     triangles: int | None = None,
+    mode: str | None = None,
 ) -> Bundle:
     """Trace every tile of every view into the bundle at `path`, and open it.
 
@@ -57,7 +58,8 @@ def bake(
     resume: go on with the unfinished bake of `path`, whose settings hold; other ones are
       refused. tolerance: of the compression, relative; as fits the mode without it.
     triangles: mode `direct`, with the environment as so many triangle lights; spp is of what is
-      traced all the same.
+      traced all the same. mode: when resuming, the one that the bake was begun in; any without
+      it.
     An interrupted bake keeps its finished tiles in `partial_path(path)`.
 
     Raises InvalidValue, TooLarge before anything is traced, MissingFile for the folder,
@@ -77,7 +79,7 @@ def bake(
     direct: DirectPlan | None = None
     if resume:
         writer = BundleWriter.resume(place)
-        basis = _resumed_basis(writer.header, scene, basis, spp, seed, triangles)
+        basis = _resumed_basis(writer.header, scene, basis, spp, seed, triangles, mode)
         plans = plan_views(scene, basis, int(writer.header.provenance["seed"]))
     else:
         if basis is None:
@@ -165,12 +167,18 @@ def _resumed_basis(
     spp: int | None,
     seed: int,
     triangles: int | None,
+    mode: str | None,
 ) -> Basis:
     """The basis of the unfinished bake, once it is known to be of this scene and these wishes."""
     begun = header.provenance
     if begun["scene_hash"] != scene.hash:
         raise InvalidValue(
             f"scene {scene.name!r} has changed since this bake began; bake it anew without --resume"
+        )
+    if mode not in (None, begun.get("mode", "baked")):
+        raise InvalidValue(
+            f"the unfinished bake has mode '{begun.get('mode', 'baked')}'; got {mode!r}: leave the "
+            "mode out to go on with its own"
         )
     if basis is not None and basis_json(basis) != basis_json(header.basis):
         raise InvalidValue(
