@@ -155,6 +155,7 @@ def bake(
         resume=resume,
         progress=progress,
         triangles=triangles,
+        mode=mode,
     )
 
 
@@ -177,9 +178,10 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
     traced by a process of its own, which `session.close()` ends. options: for a scene that
     is named, what `load` takes, `series`, and `light_groups` as for `bake`: the estimate then
     has room for each group, and materials are exact under any mix while they are edited.
-    mode: "relight" traces first how light goes from surface to surface; lights then move,
-    aim and change as materials do, with direct light exact and one glossy bounce before the
-    matte ones (`samples`: gather samples, 16,384 without it; `series`).
+    mode: "direct" bakes direct light first, with what `bake` takes for it; "relight" traces
+    first how light goes from surface to surface; lights then move, aim and change as materials
+    do, with direct light exact and one glossy bounce before the matte ones (`samples`: gather
+    samples, 16,384 without it; `series`).
 
     >>> session = burnish.edit("out.burnish")                        # doctest: +SKIP
     >>> session.set("teapot.specular.roughness", 0.12)               # doctest: +SKIP
@@ -196,17 +198,24 @@ def edit(source: Bundle | Scene | str | Path, **options: Any) -> Session:
         return session_for(open_bundle(source))
     if isinstance(source, Bundle):
         return session_for(source)
-    if options.get("mode") == "direct":
-        own = ("mode", "triangles", "progress", "series", "light_groups", "spp")
+    mode = options.pop("mode", None)
+    if mode not in (None, "direct", "relight"):
+        raise InvalidValue(
+            f"mode must be 'direct' or 'relight'; got {mode!r}: leave it out to edit "
+            "live, or edit what burnish.bake gives"
+        )
+    if mode == "direct":
+        own = ("triangles", "progress", "series", "bins", "light_groups", "spp", "seed")
         asked = {name: options.pop(name) for name in own if name in options}
-        scene = source if not isinstance(source, (str, Path)) else load(source, **options)
-        return session_for(bake(scene, **asked))
-    if options.get("mode") == "relight":
+        if isinstance(source, (str, Path)):
+            source = load(source, **options)
+        elif options:
+            source = load(source.request.scene, **{**source.request.options, **options})
+        return session_for(bake(source, mode=mode, **asked))
+    if mode == "relight":
         from burnish.app.relight import relight_session
 
-        return relight_session(
-            source, **{name: value for name, value in options.items() if name != "mode"}
-        )
+        return relight_session(source, **options)
     from burnish.app.live import live_session
 
     if isinstance(source, (str, Path)):

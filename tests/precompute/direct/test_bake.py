@@ -178,3 +178,23 @@ def test_options_that_do_not_fit(tmp_path: Path, options: dict[str, Any], rule: 
     )
     with pytest.raises(InvalidValue, match=rule):
         burnish.bake(scene, tmp_path / "x.burnish", **options)
+
+
+def test_a_scene_is_edited_with_every_option_of_its_bake_and_of_loading() -> None:
+    scene = load("cornell-box", resolution=(8, 8))
+    session = burnish.edit(
+        scene,
+        mode="direct",
+        triangles=100,
+        spp=1,
+        seed=3,
+        bins={"floor": 32},
+        editable=["floor"],
+        resolution=(6, 4),
+    )
+    (view,) = session.views.values()
+    assert (view.width, view.height) == (6, 4)
+    assert [item.id for item in view.basis.objects] == ["floor"]
+    assert {layer.bins for layer in view.basis.objects[0].material.layers} <= {32, 1}
+    with pytest.raises(InvalidValue, match="'baked'"):
+        burnish.edit(scene, mode="baked")
