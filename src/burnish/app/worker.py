@@ -419,8 +419,10 @@ class _Worker:
         # Kernels only queue up by themselves, and a message would wait for the whole queue
         dr.sync_thread()
         sent = self.published.get(view, _Sent())
-        # At once while there is little to see, then ever later, at last once a second
-        if sent.samples < 16 or (time.monotonic() >= sent.next and time.process_time() >= sent.due):
+        # At once while there is little to see, then ever later, at last once a second; the last
+        # samples whenever they come, as none follow
+        due = time.monotonic() >= sent.next and time.process_time() >= sent.due
+        if due or sent.samples < 16 or estimate.samples >= ENOUGH_SAMPLES:
             self._publish(view, estimate)
 
     def _publish(self, view: str, estimate: Any) -> None:
