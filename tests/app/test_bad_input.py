@@ -103,6 +103,19 @@ def test_render(burnish: Runner, here: Path, command: str, words: list[str]) -> 
     assert all(word in complaint for word in words), complaint
 
 
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("edit cornell-box --mode baked", ["--mode baked", "burnish bake cornell-box"]),
+        ("compare ring --mode relight --triangles 400", ["--triangles", "--mode direct"]),
+        ("compare box.burnish --mode relight", ["--mode", "bundle"]),
+    ],
+)
+def test_modes(burnish: Runner, tmp_path: Path, command: str, words: list[str]) -> None:
+    complaint = refused(burnish, tmp_path, *command.split())
+    assert all(word in complaint for word in words), complaint
+
+
 def test_more_light_groups_than_a_bake_tells_apart(burnish: Runner, tmp_path: Path) -> None:
     lamps = [f'<emitter type="point" id="lamp-{i}"/>' for i in range(4)]
     (tmp_path / "scene.xml").write_text(scene(CAMERA, LIGHT, BALL, *lamps))

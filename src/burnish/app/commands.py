@@ -59,6 +59,13 @@ def edit(
 
     if opening.names_bundle(source):
         _no_mode(mode, triangles)
+    elif mode == "baked":
+        raise InvalidValue(
+            f"--mode baked is edited from a bundle: burnish bake {source} -o NAME.burnish, then "
+            "burnish edit NAME.burnish; without --mode the scene is edited live"
+        )
+    else:
+        _triangles_of_direct(mode, triangles)
 
     groups = split_list(light_groups) or None
     if groups and opening.names_bundle(source):
@@ -73,8 +80,6 @@ def edit(
                 scene, mode=mode, triangles=triangles, light_groups=groups, progress=progress
             )
         opened = burnish.edit(bundle)
-    elif triangles is not None:
-        raise InvalidValue("--triangles are for --mode direct; give it too, or leave them out")
     elif mode == "relight":
         if groups:
             raise InvalidValue(
@@ -222,37 +227,38 @@ def compare(
     """`burnish compare`."""
     from burnish.app.comparison import compare_with_truth
     from burnish.app.live import settle
+    from burnish.app.worker import ENOUGH_SAMPLES
     from burnish.reference import PathTracedTruth
 
     live: Session | None = None
     place = check_destination(output) if output else None
     if place and place.suffix.lower() != ".png":
         raise InvalidValue(f"the sheet is a PNG; got {output!r}")
-    if mode == "relight":
-        loaded = burnish.load(source)
-        with progress_bar("relight") as progress:
-            session = burnish.edit(loaded, mode=mode, progress=progress)
+    if opening.names_bundle(source):
+        _no_mode(mode, triangles)
+        bundle = opening.open_bundle(source)
+        loaded = opening.scene_of(bundle, scene)
+        session = opening.session_for(bundle)
     else:
-        if opening.names_bundle(source):
-            _no_mode(mode, triangles)
-            bundle = opening.open_bundle(source)
-            loaded = opening.scene_of(bundle, scene)
+        _triangles_of_direct(mode, triangles)
+        loaded = burnish.load(source)
+        if mode == "relight":
+            with progress_bar("relight") as progress:
+                session = burnish.edit(loaded, mode=mode, progress=progress)
+        elif mode is None and _moves_lights(loaded, edits, assignments):
+            # No bake shows that
+            session = live = burnish.edit(loaded)
         else:
-            loaded = burnish.load(source)
-            if mode is None and _moves_lights(loaded, edits, assignments):
-                # No bake shows that
-                live = burnish.edit(loaded)
-            else:
-                with progress_bar("bake") as progress:
-                    bundle = burnish.bake(
-                        loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
-                    )
-        session = live or opening.session_for(bundle)
+            with progress_bar("bake") as progress:
+                bundle = burnish.bake(
+                    loaded, mode=mode, triangles=triangles, spp=spp, progress=progress
+                )
+            session = opening.session_for(bundle)
     with session:
         make_edits(session, edits, assignments, looks, maps)
         if live:
             with progress_bar("live estimate") as progress:
-                settle(session, view, spp, progress)
+                settle(session, view, min(spp, ENOUGH_SAMPLES), progress)
         bounces = next(iter(session.views.values())).basis.bounces
         tracer = PathTracedTruth(loaded, None if all_bounces else bounces)
         with progress_bar("path tracing") as progress:
@@ -339,6 +345,11 @@ def _no_mode(mode: Mode | None, triangles: int | None) -> None:
             "--mode and --triangles are for a scene: a bundle has the mode of its bake; leave them "
             "out"
         )
+
+
+def _triangles_of_direct(mode: Mode | None, triangles: int | None) -> None:
+    if triangles is not None and mode != "direct":
+        raise InvalidValue("--triangles are for --mode direct; give it too, or leave them out")
 
 
 def _moves_lights(scene: Scene, edits: str | None, assignments: Sequence[str]) -> bool:
