@@ -93,6 +93,22 @@ def test_few_bins_are_left_to_the_plain_product() -> None:
     np.testing.assert_array_equal(picture, renderer.image(bumped(start, 0.3)))
 
 
+def test_terms_need_room_beside_those_of_other_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    basis = Basis((glossy("box", 96), glossy("globe", 96)), (6, 1), indirect_bins=2)
+    source = random_world(basis)[0]
+    start = initial_state(basis.objects)
+    drafts = Drafts(Renderer(freeze(source, (0, 1), start)))
+    drafts.prepare(start, force=True)
+    sizes = [ready.product.T.nbytes for ready in drafts._ready.values()]
+    assert len(sizes) == 2
+    assert all(choice.fits for choice in drafts.choices.values())
+    # Room for each of them, not for both
+    monkeypatch.setattr(module, "machine_memory", lambda: 8 * (max(sizes) + min(sizes) // 2))
+    drafts = Drafts(Renderer(freeze(source, (0, 1), start)))
+    drafts.prepare(start, force=True)
+    assert sorted(choice.fits for choice in drafts.choices.values()) == [False, True]
+
+
 @pytest.mark.parametrize(("plain", "drafted"), [(1.0, True), (0.1, False)])
 def test_the_measured_choice_decides(
     plain: float, drafted: bool, monkeypatch: pytest.MonkeyPatch

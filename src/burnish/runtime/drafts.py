@@ -143,7 +143,6 @@ class Drafts:
         if columns is None:
             return
         if key not in self._known:
-            self._known[key] = part.stack
             basis = self.renderer.frozen.basis
             item = basis.objects[part.object]
             self.choices[key] = measured(
@@ -152,7 +151,9 @@ class Drafts:
                 weights,
                 item.id,
                 item.material.layers[part.slice.layer].name,
+                sum(other.product.T.nbytes for other in self._ready.values()),
             )
+            self._known[key] = part.stack
         if not (force or self.choices[key].drafts):
             return
         if key not in self._ready:
@@ -178,9 +179,17 @@ def _clock() -> float:
 
 
 def measured(
-    stack: Stack, columns: Columns, weights: Float64, object_id: str = "", layer: str = ""
+    stack: Stack,
+    columns: Columns,
+    weights: Float64,
+    object_id: str = "",
+    layer: str = "",
+    held: int = 0,
 ) -> Choice:
-    """Time a stack's contraction both ways, on a piece of it, interleaved, and scale it up."""
+    """Time a stack's contraction both ways, on a piece of it, interleaved, and scale it up.
+
+    held: bytes that the terms of other parts take.
+    """
     chunks = stack.core.shape[1]
     per_chunk = stack.core[:, :1].nbytes
     some = min(max(_SAMPLE_BYTES // max(per_chunk, 1), 1), chunks)
@@ -210,5 +219,5 @@ def measured(
         budget,
         min(plain) * scale,
         min(incremental) * scale,
-        need < machine_memory() // _MEMORY_SHARE,
+        held + need < machine_memory() // _MEMORY_SHARE,
     )
