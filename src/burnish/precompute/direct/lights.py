@@ -20,6 +20,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.types import AnyArray, Float32, Float64
 from burnish.precompute.direct.environment import Triangles, environment_triangles
 from burnish.precompute.direct.subdivision import CHILDREN, Pieces, corners, size
+from burnish.precompute.lights import EmitterGroups
 from burnish.scene import Scene
 from burnish.transport.basis import Basis
 
@@ -39,7 +40,7 @@ class Lights:
     world space whose right-handed normal is the lit side. start: int64 [m], first of a light's
     entries of radiance, float32 [n, 3]; levels: down to which pieces have entries of their own,
     0 for a local light. group: int64 [m], light group. strata: of the sampled emitters.
-    energy: of the environment, float64 [3]. repairs: what was changed, for people.
+    repairs: what was changed, for people.
     """
 
     corners: Float64
@@ -49,7 +50,6 @@ class Lights:
     levels: int
     group: AnyArray
     strata: tuple[Stratum, ...]
-    energy: Float64
     repairs: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -79,7 +79,7 @@ def find_lights(scene: Scene, basis: Basis, count: int) -> Lights:
             f"triangles must lie in [{FEWEST}, {MOST:,}]: 400 for a preview, 4,000 as a rule; "
             f"got {count}"
         )
-    group_of = _groups(scene, basis)
+    group_of = EmitterGroups(scene, basis)
     emitters = scene.mi_scene.emitters()
     shapes: list[Float64] = []
     radiances: list[Float32] = []
@@ -88,7 +88,7 @@ def find_lights(scene: Scene, basis: Basis, count: int) -> Lights:
     local: list[AnyArray] = []
     background: Triangles | None = None
     for number, emitter in enumerate(emitters):
-        group = group_of(emitter)
+        group = int(group_of.of(mi.EmitterPtr(emitter), True)[0])
         if emitter.is_environment() and _is_map(emitter):
             background = environment_triangles(emitter, count)
             found, lit = background.corners, background.radiance
@@ -115,21 +115,8 @@ def find_lights(scene: Scene, basis: Basis, count: int) -> Lights:
         background.levels if background else 0,
         np.concatenate(groups) if groups else np.zeros(0, np.int64),
         tuple(strata),
-        background.energy if background else np.zeros(3),
         background.repairs if background else (),
     )
-
-
-def _groups(scene: Scene, basis: Basis) -> Any:
-    """From an emitter to the number of its light group."""
-    by_name = {name: g for g, group in enumerate(basis.lights) for name in group.members}
-    table = [by_name.get(light.name, 0) for light in scene.lights]
-
-    def group(emitter: Any) -> int:
-        number = int(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter))[0])
-        return table[int(scene.light_table[number])]
-
-    return group
 
 
 def _is_map(emitter: Any) -> bool:
@@ -165,6 +152,10 @@ def _faces(scene: Scene, emitter: Any, count: int) -> Float64 | None:
         return None
     if len(found) > count:
         return None
+    # Faces of no area shine on nothing
+    found = found[np.linalg.norm(_normals(found), axis=1) > 0]
+    if not len(found):
+        return found
     turned = ~_lit_side(scene, found)
     found[turned] = found[turned][:, [0, 2, 1]]
     # Split the largest until there are enough
@@ -176,15 +167,20 @@ def _faces(scene: Scene, emitter: Any, count: int) -> Float64 | None:
 
 def _lit_side(scene: Scene, faces: Float64) -> AnyArray:
     """Whether faces shine towards their right-handed normals: bool [n]."""
-    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal = _normals(faces)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
-    step = 1e-3 * np.sqrt(length) * normal / np.maximum(length, 1e-30)
-    start = mi.Point3f((faces.mean(axis=1) + step).T.astype(np.float32))
-    ray = mi.Ray3f(start, mi.Vector3f((-step / np.linalg.norm(step, axis=1, keepdims=True)).T))
+    normal /= length
+    start = mi.Point3f((faces.mean(axis=1) + 1e-3 * np.sqrt(length) * normal).T.astype(np.float32))
+    ray = mi.Ray3f(start, mi.Vector3f(-normal.T))
     si = scene.mi_scene.ray_intersect(ray)
     emitter = si.emitter(scene.mi_scene)
     light = dr.select(emitter != None, mi.Color3f(emitter.eval(si)), 0)  # noqa: E711 (per lane)
     return np.asarray(np.array(dr.max(light)) > 0)
+
+
+def _normals(faces: Float64) -> Float64:
+    """Right-handed normals, as long as twice the faces' areas: float64 [n, 3]."""
+    return np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
 
 
 def _strata(emitter: Any, number: int, count: int, group: int) -> list[Stratum]:
@@ -244,7 +240,9 @@ class LightTables:
 def _caps(lights: Lights) -> Float64:
     """Around each triangle at infinity the centre of a cap that holds it and the cosine of its
     radius, -1 for what is at hand: float64 [m, 4]."""
-    unit = lights.corners / np.linalg.norm(lights.corners, axis=2, keepdims=True)
+    # A place can be the origin
+    length = np.linalg.norm(lights.corners, axis=2, keepdims=True)
+    unit = lights.corners / np.maximum(length, 1e-30)
     centre = unit.mean(axis=1)
     centre /= np.maximum(np.linalg.norm(centre, axis=1, keepdims=True), 1e-30)
     # A little more, for rounding

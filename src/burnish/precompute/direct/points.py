@@ -148,7 +148,8 @@ def _wanted(
         elsewhere[(spread > least) & glossy] = far
     curved = glossy & (factor > 1)
     near = np.where(curved, np.minimum(NEAR + 2 * spread, np.pi), np.pi)
-    return np.minimum(points * factor, MOST_POINTS), points * elsewhere, near
+    count = np.minimum(points * factor, MOST_POINTS)
+    return count, np.minimum(points * elsewhere, count), near
 
 
 def _is_glossy(layers: Sequence[Layer]) -> bool:
