@@ -19,7 +19,7 @@ from burnish.core.errors import InvalidValue
 from burnish.core.parallel import core_count, parallel_map, plain_blas
 from burnish.core.types import Float32, Float64, Int32
 from burnish.materials.two_curves import TwoCurves
-from burnish.runtime.span import Span
+from burnish.runtime.span import SMALL, Span
 from burnish.runtime.switching import Switch
 from burnish.transport.basis import State
 from burnish.transport.contraction import Contracted, back, collect, contract, fold, unfold
@@ -46,10 +46,6 @@ class Gradient:
     albedos: Float64
     coarse: Float64
     outgoing: Mapping[tuple[int, bool, int], Float64]
-
-
-_SMALL = 1 << 16
-"""Entries of F below which threads cost more than they save."""
 
 
 Spans = Mapping[tuple[int, ...], Span]
@@ -371,7 +367,7 @@ def _products(F: Float32, weights: Float32) -> Float32:
     """F[h] @ weights[h] of each channel: float32 [3, r], rows shared out over the cores."""
     rows = F.shape[1]
     result = np.empty((3, rows), np.float32)
-    if F.size < _SMALL:
+    if F.size < SMALL:
         np.matmul(F, weights[:, :, None], out=result[:, :, None])
         return result
     step = -(-rows // (4 * core_count()))

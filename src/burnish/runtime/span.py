@@ -38,7 +38,7 @@ _GROWTH = 4.0
 """Columns that have grown so much since they were weighed are weighed anew."""
 _FLOOR = 1e-12
 """The least root mean square of a column, relative to the largest."""
-_SMALL = 1 << 16
+SMALL = 1 << 16
 """Entries of F below which threads cost more than they save."""
 
 Places = NDArray[np.intp]
@@ -261,7 +261,7 @@ class Span:
                     out[h, k, at] += light[:, k]
 
         end = self._count if stop is None else stop
-        small = sum(part.F.size for part in self.parts) < _SMALL
+        small = sum(part.F.size for part in self.parts) < SMALL
         step = max(end - start if small else -(-(end - start) // (4 * core_count())), 1)
         pieces = [
             (h, low, min(low + step, end)) for h in range(3) for low in range(start, end, step)

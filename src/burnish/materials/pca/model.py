@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -110,14 +109,6 @@ class ComponentModel(Model):
 
     def profile(self, t: Float64, values: Values, fixed: Fixed) -> Float64:
         return np.ones((len(t), 1))
-
-    def approximation(
-        self, xp: Maths, wi: Any, wo: Any, values: Mapping[str, Any], fixed: Fixed
-    ) -> list[Any]:
-        """ρ by its components, three channels, as an edit renders it."""
-        q = self.quotients(xp, wi, wo, fixed)
-        a = self.amplitudes(values, fixed)
-        return [sum(a[k, c] * q[k] for k in range(len(q))) for c in range(3)]
 
 
 @lru_cache(maxsize=32)
