@@ -171,6 +171,8 @@ def test_what_cannot_be_says_why(world: World, tmp_path: Path) -> None:
         session.set("ball.diffuse.color.scale", 2.0)
     with pytest.raises(InvalidValue, match="scale must lie"):
         session.set_map("wall.specular.roughness", scale=float("nan"))
+    with pytest.raises(InvalidValue, match="no channel to choose"):
+        session.set_map("wall.specular.roughness", channel="red")
     assert not session.undo()
 
 

@@ -53,7 +53,8 @@ class MapEditing:
 
         file: PNG, JPEG or EXR, its top row at v = 0; the picture that is there without it. A
         scalar takes one channel ("red", "green", "blue", "alpha", or the luminance), as it
-        stands in the file; a colour takes all, sRGB where the file has eight or sixteen bits.
+        stands in the file, which is read again for another one; a colour takes all, sRGB where
+        the file has eight or sixteen bits.
         Each point has scale · picture + offset, inside the parameter's limits; a colour times
         the parameter's own value, which begins as white. repeat, rotate, shift: how often it
         lies along u and v, turned by degrees about the middle, moved; or transform: a, b, c, d,
@@ -71,11 +72,18 @@ class MapEditing:
         before = image = state.images.get(place)
         if file is not None:
             self._check_replaceable(material, address)
-            texels = read_texels(file, parameter.kind == "colour", channel)
-            source = Path(file).expanduser().resolve().as_posix()
-            image = ImageMap(texels, source, channel)
+            source = Path(file).expanduser().resolve()
+            texels = read_texels(source, parameter.kind == "colour", channel)
+            image = ImageMap(texels, source.as_posix(), channel)
         if image is None:
             raise InvalidValue(f"{path} has no map yet: name the picture's file")
+        if channel and file is None:
+            if not image.source:
+                raise InvalidValue(
+                    f"{path}: the scene's own map has no channel to choose; name a picture's file"
+                )
+            texels = read_texels(image.source, parameter.kind == "colour", channel)
+            image = replace(image, texels=texels, channel=channel)
         if scale is not None:
             image = replace(image, scale=float(scale))
         if offset is not None:
