@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 
@@ -136,6 +138,29 @@ def test_what_cannot_be_read_says_so(tmp_path: Path) -> None:
     Image.fromarray(np.zeros((2, 2), np.uint8)).save(tmp_path / "grey.png")
     with pytest.raises(InvalidValue, match="no channel alpha"):
         read_texels(tmp_path / "grey.png", colour=False, channel="alpha")
+
+
+def test_the_size_of_an_exr_is_checked_before_its_pixels_are_read(tmp_path: Path) -> None:
+    path, field = tmp_path / "large.exr", b"dataWindow\0box2i\0" + struct.pack("<i", 16)
+    OpenEXR.File({}, {"RGB": np.zeros((3, 5, 3), np.float32)}).write(str(path))
+    assert read_texels(path, colour=True).values.shape == (3, 5, 3)
+    before, after = path.read_bytes().split(field)
+    path.write_bytes(before + field + struct.pack("<4i", 0, 0, 29999, 29999) + after[16:])
+    with pytest.raises(InvalidValue, match="30000 × 30000 pixels"):
+        read_texels(path, colour=True)
+
+
+def test_a_file_is_a_picture_by_what_it_holds(tmp_path: Path) -> None:
+    path = tmp_path / "page.png"
+    path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 4 4\n%%EndComments\n")
+    with pytest.raises(InvalidValue, match="not a picture that can be read"):
+        read_texels(path, colour=True)
+    Image.new("RGB", (4, 3)).save(tmp_path / "a.gif")
+    with pytest.raises(InvalidValue, match="PNG, JPEG or EXR"):
+        read_texels(tmp_path / "a.gif", colour=True)
+    for kind in ("png", "jpg", "tiff", "bmp", "webp", "tga"):
+        Image.new("RGB", (4, 3)).save(tmp_path / f"a.{kind}")
+        assert read_texels(tmp_path / f"a.{kind}", colour=True).values.shape == (3, 4, 3)
 
 
 # -- rows -------------------------------------------------------------------------------------

@@ -18,6 +18,8 @@ Channel = Literal["", "red", "green", "blue", "alpha"]
 CHANNELS: tuple[str, ...] = ("", "red", "green", "blue", "alpha")
 MOST_PIXELS = 1 << 26
 """Of a picture that is read at all: 8k × 8k."""
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "TGA")
+"""What Pillow may take a file for: some of its other readers start programs."""
 
 
 def read_texels(path: str | os.PathLike[str], colour: bool, channel: Channel = "") -> Texels:
@@ -55,13 +57,8 @@ def _read_plain(path: Path) -> tuple[Float32, bool]:
 
     before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
     try:
-        with Image.open(path) as picture:
-            width, height = picture.size
-            if width * height > MOST_PIXELS:
-                raise InvalidValue(
-                    f"{path}: has {width} × {height} pixels, more than can be read "
-                    f"({MOST_PIXELS:,}); scale it down"
-                )
+        with Image.open(path, formats=_FORMATS) as picture:
+            _check_size(path, *picture.size)
             if picture.mode.startswith(("I", "F")):
                 deep = np.asarray(picture, np.float32)[..., None]
                 most = np.float32(65535 if picture.mode.startswith("I") else 1)
@@ -78,10 +75,25 @@ def _read_plain(path: Path) -> tuple[Float32, bool]:
     return (pixels if pixels.ndim == 3 else pixels[..., None]), True
 
 
+def _check_size(path: Path, width: int, height: int) -> None:
+    if width * height > MOST_PIXELS:
+        raise InvalidValue(
+            f"{path}: has {width} × {height} pixels, more than can be read "
+            f"({MOST_PIXELS:,}); scale it down"
+        )
+
+
 def _read_exr(path: Path) -> tuple[Float32, bool]:
     """float32 [height, width, channels], linear."""
     import OpenEXR
 
+    try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            low, high = (np.asarray(corner, np.int64) for corner in file.header()["dataWindow"])
+    except Exception as error:  # noqa: BLE001 - the library raises what it likes
+        raise InvalidValue(f"{path}: not an EXR file that can be read ({error})") from None
+    width, height = (high - low + 1).tolist()
+    _check_size(path, width, height)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             found = {name: np.asarray(item.pixels) for name, item in file.channels().items()}
