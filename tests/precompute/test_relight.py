@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import burnish
+from burnish.app.relight import relight_session, without_lamps
 from burnish.compare.metrics import metrics
 from burnish.core.types import Float32
 from burnish.materials.lights import each
@@ -206,3 +207,38 @@ def test_no_node_stands_for_two_objects(relit: tuple[Scene, RelitScene]) -> None
     others = np.setdiff1d(np.arange(len(tree.start)), mixed)
     assert len(mixed)
     assert tree.extent[mixed].min() > 1e6 * tree.extent[others].max()
+
+
+def test_lamps_are_put_away_from_scenes_that_are_not_about_the_origin() -> None:
+    activate()
+    # Eight times the size of the scene, along each axis, is the middle of it
+    x = y = z = 8 * 33**0.5
+    scene = burnish.load(
+        {
+            "type": "scene",
+            "floor": {"type": "rectangle", "to_world": _moved((x, y, z), 2.0)},
+            "lamp": {
+                "type": "rectangle",
+                "to_world": _moved((x, y, z + 1), 0.2),
+                "emitter": {"type": "area", "radiance": _grey(3.0)},
+            },
+            "view": {"type": "perspective"},
+        }
+    )
+    (lamp,) = (shape for shape in scene.mi_scene.shapes() if shape.is_emitter())
+    box = scene.mi_scene.bbox()
+    size = np.linalg.norm(np.asarray(box.extents()))
+    before = np.asarray(lamp.bbox().center())
+    with without_lamps(scene):
+        away = np.linalg.norm(np.asarray(lamp.bbox().center()) - np.asarray(box.center()))
+        assert away > 8 * size
+    np.testing.assert_array_equal(np.asarray(lamp.bbox().center()), before)
+
+
+def test_options_reach_a_scene_that_is_loaded_already() -> None:
+    scene = box()
+    with relight_session(scene, samples=64, rays=16, resolution=(12, 8)) as session:
+        view = session.views["view"]
+        assert isinstance(view, RelightView)
+        assert (view.width, view.height) == (12, 8)
+        assert session.path_trace(spp=2).shape == (8, 12, 3)

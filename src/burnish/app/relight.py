@@ -40,8 +40,8 @@ def relight_session(
     """A session on a scene in mode "relight".
 
     series: see `Basis`; after the first bounce all is matte. samples: gather samples. rays:
-    through each pixel, a square. options: as `burnish.load` takes them. Raises what loading
-    raises.
+    through each pixel, a square. options: as `burnish.load` takes them; a Scene is loaded again
+    with those. Raises what loading raises.
     """
     from burnish.precompute.plan import basis_for
     from burnish.precompute.relight.build import Settings, precompute
@@ -54,9 +54,10 @@ def relight_session(
     from burnish.session.lightmix import LightMix
 
     if isinstance(source, Scene):
-        scene = source
+        wanted = {**source.request.options, **options}
+        scene = load(source.request.scene, **wanted) if options else source
         # Its lights are moved in place, and what a user holds stays as it is
-        own = load(scene.request.scene, **{**scene.request.options, **options})
+        own = load(source.request.scene, **wanted)
     else:
         scene, own = load(source, **options), load(source, **options)
     basis = basis_for(own, None, series)
@@ -94,11 +95,11 @@ def without_lamps(scene: Scene) -> Iterator[None]:
     from burnish.scene.moving import LightMover
 
     box = scene.mi_scene.bbox()
-    far = float(np.linalg.norm(np.asarray(box.extents()))) * AWAY
+    far = np.asarray(box.max) + float(np.linalg.norm(np.asarray(box.extents()))) * AWAY
     mover = LightMover(scene)
     mover.place(
         {
-            light.name: {"position": (far, far, far)}
+            light.name: {"position": (float(far[0]), float(far[1]), float(far[2]))}
             for light in scene.lights
             if light.kind == "area" and light.shapes and "position" in _names(light)
         }
