@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from burnish.materials.images import ImageMap, Texels
 from burnish.scene.adapters import adapt
 from burnish.scene.device import activate
 from burnish.scene.images import described, image_of
@@ -92,3 +93,13 @@ def test_a_textured_alpha_is_edited(picture: str) -> None:
     flat = adapted.describe(replace(initial, images={}))
     assert flat is not None
     assert flat["alpha"] == pytest.approx(image.mean[0])
+
+
+@pytest.mark.parametrize("shape", [(2, 6, 1), (6, 2, 1), (2, 2, 3), (4, 1, 3)])
+def test_pictures_of_the_same_numbers_are_told_apart_by_their_shape(
+    shape: tuple[int, int, int],
+) -> None:
+    values = np.linspace(0.0, 1.0, 12, dtype=np.float32).reshape(shape)
+    name = described(ImageMap(Texels(values)))["filename"]
+    bitmap = np.asarray(mi.Bitmap(name)).reshape(*np.asarray(mi.Bitmap(name)).shape[:2], -1)
+    np.testing.assert_array_equal(bitmap, values)

@@ -47,8 +47,10 @@ def described(image: ImageMap) -> dict[str, Any]:
     The file lasts as long as the process.
     """
     values = np.clip(image.texels.values * image.scale + image.offset, 0, 1).astype(np.float32)
-    name = hashlib.sha256(values.tobytes()).hexdigest()[:32]
-    path = _folder() / f"{name}.exr"
+    # Pictures of one colour have the same bytes however wide they are
+    digest = hashlib.sha256(str(values.shape).encode())
+    digest.update(values.tobytes())
+    path = _folder() / f"{digest.hexdigest()[:32]}.exr"
     if not path.is_file():
         flat = values if values.shape[2] == 3 else values[..., 0]
         mi.Bitmap(np.ascontiguousarray(flat)).write(str(path))
