@@ -106,7 +106,6 @@ def one_light(triangle: Float64) -> Lights:
         0,
         np.zeros(1, np.int64),
         (),
-        np.zeros(3),
         (),
     )
 
