@@ -17,7 +17,8 @@ import numpy as np
 from burnish.core.errors import TooLarge
 from burnish.core.parallel import parallel_map
 from burnish.core.types import AnyArray, Bool, Float32, Float64, Int64
-from burnish.materials.painting.varied import Node, VariedLayer, VariedMaterial
+from burnish.materials.painting.nodes import Node
+from burnish.materials.painting.varied import VariedLayer, VariedMaterial
 from burnish.runtime.freeze import machine_memory
 from burnish.runtime.renderer import Renderer
 from burnish.transport.basis import State
