@@ -14,6 +14,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from burnish.scene import View
+
 CELLS_PER_PIXEL = 512
 
 
@@ -73,3 +75,28 @@ class FilterSampler:
         x, weight_x = self.sample_axis(pixel.x, 0, u.x)
         y, weight_y = self.sample_axis(pixel.y, 1, u.y)
         return mi.Point2f(x, y), weight_x * weight_y
+
+
+class Camera:
+    """Camera rays of a view's pixels through its film's filter."""
+
+    def __init__(self, view: View) -> None:
+        self.view = view
+        self._filter = FilterSampler(view.filter, view.width, view.height)
+
+    def ray(self, place: Any, sampler: Any) -> tuple[Any, Any]:
+        """A ray through pixels (x, y): mi.Point2u, and its weight: mi.Color3f."""
+        position, weight = self._filter.sample(place, sampler.next_2d())
+        sensor = self.view.sensor
+        on_film = mi.Point2f(position.x / self.view.width, position.y / self.view.height)
+        aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+        time = sensor.shutter_open()
+        if sensor.shutter_open_time() > 0:
+            time = time + sampler.next_1d() * sensor.shutter_open_time()
+        ray, colour = sensor.sample_ray(time, 0.5, on_film, aperture)
+        return ray, mi.Color3f(colour) * weight
+
+    def numbered(self, pixel: Any, sampler: Any) -> tuple[Any, Any]:
+        """The same of pixels by their number, y · width + x."""
+        width = dr.opaque(mi.UInt32, self.view.width)
+        return self.ray(mi.Point2u(pixel % width, pixel // width), sampler)

@@ -111,7 +111,7 @@ def _first_encounter(
     """
     width = tracer.view.width
     drawn = sampler if place is None else _Placed(sampler, place)
-    ray, _ = tracer.camera_ray(mi.Point2u(pixel % width, pixel // width), drawn)
+    ray, _ = tracer.camera.ray(mi.Point2u(pixel % width, pixel // width), drawn)
     scene, bounces = tracer.scene.mi_scene, tracer.basis.bounces
 
     def body(

@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 
 from burnish.precompute.encounter import meet_second, open_first, select_terms
-from burnish.precompute.film import FilterSampler
+from burnish.precompute.film import Camera
 from burnish.precompute.lights import EmitterGroups
 from burnish.precompute.symbolic import NUMERIC, PLAIN, SymbolicMaterials, Terms
 from burnish.precompute.tables import NONE
@@ -96,7 +96,7 @@ class Tracer:
         self.view = view
         self.materials = materials
         self.basis = materials.basis
-        self.filter = FilterSampler(view.sensor.film().rfilter(), view.width, view.height)
+        self.camera = Camera(view)
         self.object_table = mi.UInt32(scene.object_table)
         monomials = self.basis.monomials
         next_table = monomials.next.astype("uint32").ravel()
@@ -119,20 +119,6 @@ class Tracer:
         self.groups = EmitterGroups(scene, self.basis)
         self.coarse = self.basis.coarse_bins > 1
 
-    # -- camera ---------------------------------------------------------------------------
-
-    def camera_ray(self, pixel: Any, sampler: Any) -> tuple[Any, Any]:
-        """A ray through a pixel's filter and its weight (a colour)."""
-        position, weight = self.filter.sample(pixel, sampler.next_2d())
-        sensor = self.view.sensor
-        film_position = mi.Point2f(position.x / self.view.width, position.y / self.view.height)
-        aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-        time = sensor.shutter_open()
-        if sensor.shutter_open_time() > 0:
-            time = time + sampler.next_1d() * sensor.shutter_open_time()
-        ray, ray_weight = sensor.sample_ray(time, 0.5, film_position, aperture)
-        return ray, ray_weight * weight
-
     def object_of(self, si: Any, active: Any) -> tuple[Any, Any]:
         """Scene object index of a hit and its symbolic index (-1: fixed)."""
         shape = dr.reinterpret_array(mi.UInt32, si.shape)
@@ -146,7 +132,7 @@ class Tracer:
 
         pixel: film coordinates, Point2u; local: the lane's pixel within the target.
         """
-        ray, weight = self.camera_ray(pixel, sampler)
+        ray, weight = self.camera.ray(pixel, sampler)
         lanes = dr.width(local)
         m = self.materials
         state = Path(

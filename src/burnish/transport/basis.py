@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from burnish.core.errors import InvalidValue
-from burnish.core.types import Float64, Int32
+from burnish.core.types import Float64
 from burnish.materials.coefficients import (
     albedo,
     coarse_coefficients,
@@ -302,10 +302,3 @@ def coarse_count(layer: Layer, bins: int) -> int:
 def initial_state(objects: Sequence[EditableObject]) -> dict[str, MaterialState]:
     """The state in which the scene was loaded."""
     return {item.id: item.material.initial for item in objects}
-
-
-def coarse_bin_of(layer: Layer, bins: int) -> Int32:
-    """Which coarse bin each fine bin belongs to: int32 [layer.bins]; the same map that
-    `coarse_coefficients` and the path tracer use."""
-    count = coarse_count(layer, bins)
-    return (np.arange(layer.bins) * count // layer.bins).astype(np.int32)

@@ -97,7 +97,7 @@ def find_points(
             sampler.advance()
         sampler.schedule_state()
         dr.eval()
-        ray, weight = tracer.camera_ray(pixel, sampler)
+        ray, weight = tracer.camera.ray(pixel, sampler)
         row, normal, H = _met(tracer, ray, sampler, table, local, objects)
         for k in range(3):
             dr.scatter_add(normals, normal[k], mi.UInt32(row) * 3 + k, row >= 0)

@@ -11,11 +11,12 @@ from burnish.core.parallel import parallel_map
 from burnish.core.types import AnyArray, Float32, Float64, Int32, Progress
 from burnish.materials.coefficients import energies
 from burnish.materials.layer import Layer
+from burnish.precompute.film import Camera
 from burnish.precompute.prepass import find_rows
 from burnish.precompute.relight.blocks import Block, Compressor, neighbourhoods, transfer_of
 from burnish.precompute.relight.cells import CellFinder
 from burnish.precompute.relight.onward import Onward, OnwardCells
-from burnish.precompute.relight.paths import Camera, Paths
+from burnish.precompute.relight.paths import Paths
 from burnish.precompute.relight.rays import Samples, from_cells, from_rows
 from burnish.precompute.relight.shooting import shoot
 from burnish.precompute.relight.smoothing import Smoother

@@ -11,8 +11,9 @@ import numpy as np
 
 from burnish.core.types import Float32, Int32
 from burnish.precompute.encounter import open_first
+from burnish.precompute.film import Camera
 from burnish.precompute.relight.direct import LightFactors
-from burnish.precompute.relight.paths import Camera, Paths, stratified
+from burnish.precompute.relight.paths import Paths, stratified
 from burnish.precompute.symbolic import Terms
 from burnish.precompute.tracer import mis
 from burnish.scene import View
@@ -48,7 +49,7 @@ class DirectColumns:
         sampler, random = stratified(spp, lanes, seed)
         row = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, spp)
         pixel = dr.gather(mi.UInt32, mi.UInt32(pixels.astype(np.uint32)), row)
-        ray, weight = self.camera.ray(pixel, sampler)
+        ray, weight = self.camera.numbered(pixel, sampler)
         u_light, u1, u2 = sampler.next_2d(), sampler.next_1d(), sampler.next_2d()
         met, _ = self.paths.meet(ray, random, dr.full(mi.Bool, True, lanes))
         si, frame = met.si, met.frame

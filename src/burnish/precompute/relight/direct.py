@@ -17,8 +17,9 @@ import numpy as np
 
 from burnish.core.types import RGB, Float32, Int32
 from burnish.precompute.encounter import open_first
+from burnish.precompute.film import Camera
 from burnish.precompute.relight.onward import SKIES
-from burnish.precompute.relight.paths import Camera, Paths, stratified
+from burnish.precompute.relight.paths import Paths, stratified
 from burnish.precompute.symbolic import PLAIN
 from burnish.precompute.tracer import mis
 from burnish.scene import Scene, View
@@ -179,7 +180,7 @@ class DirectView:
         sampler, random = stratified(spp, lanes, seed)
         row = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, spp)
         first = dr.opaque(mi.UInt32, int(pixels[0]))
-        ray, weight = self.camera.ray(row + first, sampler)
+        ray, weight = self.camera.numbered(row + first, sampler)
         u_light, u1, u2 = sampler.next_2d(), sampler.next_1d(), sampler.next_2d()
         active = dr.full(mi.Bool, True, lanes)
         met, _ = self.paths.meet(ray, random, active, emission=self.factors)

@@ -8,11 +8,10 @@ from typing import Any, Protocol
 import drjit as dr
 import mitsuba as mi
 
-from burnish.precompute.film import FilterSampler
 from burnish.precompute.orientation import Orientation
 from burnish.precompute.symbolic import PLAIN, SymbolicMaterials
 from burnish.precompute.tracer import MIRROR_PDF
-from burnish.scene import Scene, View
+from burnish.scene import Scene
 
 CHAIN = 4
 """Most mirror-like fixed vertices and masks that a path passes before it counts as lost."""
@@ -115,28 +114,6 @@ class Paths:
         obj, symbolic = self.object_of(si, valid)
         frame = m.orient(si, obj, valid & (symbolic != PLAIN))
         return Met(si, obj, symbolic, frame, throughput, seen, ray, valid), random
-
-
-class Camera:
-    """Camera rays of a view's pixels through its film's filter."""
-
-    def __init__(self, view: View) -> None:
-        self.view = view
-        self._filter = FilterSampler(view.filter, view.width, view.height)
-
-    def ray(self, pixel: Any, sampler: Any) -> tuple[Any, Any]:
-        """A ray through pixels (numbers y · width + x), and its weight: mi.Color3f."""
-        width = dr.opaque(mi.UInt32, self.view.width)
-        place = mi.Point2u(pixel % width, pixel // width)
-        position, weight = self._filter.sample(place, sampler.next_2d())
-        sensor = self.view.sensor
-        on_film = mi.Point2f(position.x / self.view.width, position.y / self.view.height)
-        aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-        time = sensor.shutter_open()
-        if sensor.shutter_open_time() > 0:
-            time = time + sampler.next_1d() * sensor.shutter_open_time()
-        ray, colour = sensor.sample_ray(time, 0.5, on_film, aperture)
-        return ray, mi.Color3f(colour) * weight
 
 
 def stratified(count: int, lanes: int, seed: int) -> tuple[Any, Any]:

@@ -16,7 +16,8 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import Float32, Int32
-from burnish.precompute.relight.paths import Camera, Paths, stratified
+from burnish.precompute.film import Camera
+from burnish.precompute.relight.paths import Paths, stratified
 from burnish.scene import View
 from burnish.transport.gather import GatherSamples
 
@@ -50,7 +51,7 @@ class PointGather:
         sampler, random = stratified(spp, lanes, seed)
         row = dr.arange(mi.UInt32, lanes) // spp
         pixel = dr.gather(mi.UInt32, mi.UInt32(pixels.astype(np.uint32)), row)
-        ray, weight = self.camera.ray(pixel, sampler)
+        ray, weight = self.camera.numbered(pixel, sampler)
         met, random = self.paths.meet(ray, random, dr.full(mi.Bool, True, lanes))
         si, frame = met.si, met.frame
         active = met.valid & (frame.wo.z > 0)

@@ -20,9 +20,10 @@ import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Int32
 from burnish.precompute.encounter import open_first
+from burnish.precompute.film import Camera
 from burnish.precompute.relight.cells import CellFinder
 from burnish.precompute.relight.onward import OnwardCells
-from burnish.precompute.relight.paths import Camera, Paths, stratified
+from burnish.precompute.relight.paths import Paths, stratified
 from burnish.precompute.symbolic import PLAIN
 from burnish.transport.gather import GatherSamples
 
@@ -72,7 +73,7 @@ def from_rows(
     lanes = len(pixels) * rays
     sampler, random = stratified(rays, lanes, seed)
     row = dr.arange(mi.UInt32, lanes) // dr.opaque(mi.UInt32, rays)
-    ray, weight = camera.ray(
+    ray, weight = camera.numbered(
         dr.gather(mi.UInt32, mi.UInt32(pixels.astype(np.uint32)), row), sampler
     )
     u1, u2 = sampler.next_1d(), sampler.next_2d()

@@ -15,9 +15,10 @@ import mitsuba as mi
 import numpy as np
 
 from burnish.core.types import AnyArray, Float32, Float64
+from burnish.precompute.film import Camera
 from burnish.precompute.relight.cells import CellFinder, build
 from burnish.precompute.relight.onward import Onward, OnwardCells
-from burnish.precompute.relight.paths import Camera, Met, Paths
+from burnish.precompute.relight.paths import Met, Paths
 from burnish.precompute.symbolic import PLAIN
 from burnish.scene import Scene, View
 from burnish.transport.gather import CellTree, GatherSamples
@@ -173,7 +174,7 @@ def _shoot(
     sampler.seed(seed, count)
     random = mi.PCG32(count, mi.UInt64(seed + 1))
     pixel = mi.UInt32(sampler.next_1d() * view.pixels)
-    ray, _ = Camera(view).ray(dr.minimum(pixel, view.pixels - 1), sampler)
+    ray, _ = Camera(view).numbered(dr.minimum(pixel, view.pixels - 1), sampler)
     met, random = paths.meet(ray, random, dr.full(mi.Bool, True, count))
     si = met.si
     # The side that is seen
