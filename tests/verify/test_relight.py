@@ -33,9 +33,12 @@ pytestmark = pytest.mark.verify
 SIDE, SAMPLES, SPP, COMBINATIONS = 96, 16384, 1024, 10
 INDIRECT, DIRECT = 0.08, 0.02
 
+SCENES = ("cornell-gloss", "cornell-gloss-lamp", "tableau", "still-life", "interior")
+"""The Cornell box with a glossy floor under a lamp of no size and under its own, and others."""
 
-def glossy_cornell(folder: Path) -> dict[str, Any]:
-    """The Cornell box, its floor of glossy plastic, with a lamp of no size in it."""
+
+def glossy_cornell(folder: Path, own_lamp: bool = False) -> dict[str, Any]:
+    """The Cornell box, its floor of glossy plastic, with a lamp of no size or its own in it."""
     scene = cornell_box.describe(folder)
     scene["floor"]["bsdf"] = {
         "type": "roughplastic",
@@ -43,6 +46,8 @@ def glossy_cornell(folder: Path) -> dict[str, Any]:
         "distribution": "ggx",
         "diffuse_reflectance": {"type": "rgb", "value": [0.4, 0.4, 0.4]},
     }
+    if own_lamp:
+        return scene
     del scene["light"]
     scene["lamp"] = {
         "type": "point",
@@ -54,7 +59,8 @@ def glossy_cornell(folder: Path) -> dict[str, Any]:
 
 def opened(name: str, folder: Path, samples: int) -> tuple[Scene, Session, RelightView]:
     activate()
-    source = glossy_cornell(folder) if name == "cornell-gloss" else name
+    boxes = {"cornell-gloss": False, "cornell-gloss-lamp": True}
+    source = glossy_cornell(folder, boxes[name]) if name in boxes else name
     scene = burnish.load(source, resolution=(SIDE, SIDE))
     session = relight_session(scene, samples=samples)
     view = next(iter(session.views.values()))
@@ -123,28 +129,15 @@ def compared(
         yield f"{name}, {number or 'as in the scene'}", round_about, straight
 
 
-def test_lights_and_materials_together(figures: Figures, tmp_path: Path) -> None:
-    """Ten random arrangements of a lamp and of materials round a glossy floor."""
-    for what, indirect_part, direct_part in compared(
-        figures, tmp_path, "cornell-gloss", COMBINATIONS
-    ):
+@pytest.mark.parametrize("name", SCENES)
+def test_lights_and_materials_together(figures: Figures, tmp_path: Path, name: str) -> None:
+    """The scene as it is and ten random arrangements of its lights and materials."""
+    for what, indirect_part, direct_part in compared(figures, tmp_path, name, COMBINATIONS):
+        figures.note(f"{what}: noise of its reference", indirect_part["noise"])
         error = indirect_part["rel_rmse_beyond_noise"]
         figures.at_most(f"{what}: indirect", error, INDIRECT)
         figures.at_most(f"{what}: direct", direct_part["rel_rmse_beyond_noise"], DIRECT)
     figures.settle()
-
-
-@pytest.mark.parametrize("name", ["tableau", "still-life", "interior"])
-def test_polished_scenes(figures: Figures, tmp_path: Path, name: str) -> None:
-    """Scenes lit by way of polished surfaces: figures without a limit.
-
-    The tableau is beyond 0.08: what one glossy object throws on another is traced with the
-    widths of the scene, by few rays, and the rest of it counts as matte.
-    """
-    for what, indirect_part, direct_part in compared(figures, tmp_path, name, 2):
-        figures.note(f"{what}: indirect", indirect_part["rel_rmse_beyond_noise"])
-        figures.note(f"{what}: noise of its reference", indirect_part["noise"])
-        figures.note(f"{what}: direct", direct_part["rel_rmse_beyond_noise"])
 
 
 def test_more_samples_come_closer(figures: Figures, tmp_path: Path) -> None:
