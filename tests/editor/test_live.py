@@ -275,7 +275,11 @@ def test_the_command_ends_its_worker(tmp_path: Path, module: str, later: float) 
         time.sleep(later)
         # As Ctrl+C in a terminal does, to the whole group
         os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(timeout=SECONDS) == 0
+        try:
+            assert process.wait(timeout=SECONDS) == 0
+        finally:
+            # Or else the end of the block would wait for it for ever
+            process.kill()
     assert "Traceback" not in errors.read_text("utf-8")
     until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
 
